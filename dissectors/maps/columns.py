@@ -50,35 +50,38 @@ def _headings_in(line: str, cells: Sequence[Span]) -> int:
 
 
 def _cut_table(lines: Sequence[str], parted: Sequence[Sequence[Span]], *, has_heading: bool) -> Iterator[list[str]]:
-    rows = [cells for cells in parted[has_heading:] if len(cells) >= LEAST_CELLS]
+    counts = Counter(len(cells) for cells in parted[has_heading:] if len(cells) >= LEAST_CELLS)
+    usual = max(counts, key=lambda count: (counts[count], count), default=0)
+    full = [at for at in range(has_heading, len(lines)) if usual and len(parted[at]) >= usual]
+    rows = [parted[at] for at in full]
     ruled = [cells for line, cells in zip(lines, parted, strict=True) if form("rule_above", line)]
     columns, are_clear = _columns(ruled[:1] or rows)
     if has_heading and are_clear and not ruled:
-        texts = [line for line, cells in zip(lines[1:], parted[1:], strict=True) if len(cells) >= LEAST_CELLS]
-        columns = _with_gaps(lines[0], texts, columns)
+        columns = _with_gaps(lines[0], [lines[at] for at in full], columns)
     if has_heading:
         own = [cell for cell in parted[0] if columns and cell[0] >= columns[-1][1]]
         columns = [*columns, *own] or [*parted[0]]
     edges = [0, *(start for start, _ in columns[1:]), None]
     for number, (line, cells) in enumerate(zip(lines, parted, strict=True)):
         if line.count("|") > 1:
-            yield [text.replace(_FILL, "").strip()[:_CELL] for text in line.strip().removeprefix("|").removesuffix("|").split("|")]
+            yield [
+                text.replace(_FILL, "").strip()[:_CELL]
+                for text in line.strip().removeprefix("|").removesuffix("|").split("|")
+            ]
             continue
         is_cut = are_clear and len(cells) > 0 and not any(line[a:b].strip() for (_, a), (b, _) in pairwise(columns))
         if is_cut and columns:
             texts = [line[a:b] for a, b in pairwise(edges)]
         else:
-            parts = _with_words(line, cells, columns) if has_heading > number else cells
-            texts = _placed(line, parts, columns)
+            texts = _placed(line, [*_parted_at(line, cells, columns, is_heading=has_heading > number)], columns)
         yield [text.replace(_FILL, "").strip()[:_CELL] for text in texts]
 
 
 def _columns(rows: Sequence[Sequence[Span]]) -> tuple[list[Span], bool]:
     """Where columns begin and end, and whether blanks part them in nearly all rows; else they are where most rows that
     have as many cells have theirs."""
+    usual = min(map(len, rows), default=0)
     clear = _runs(rows)
-    counts = Counter(map(len, rows))
-    usual = max(counts, key=lambda count: (counts[count], count), default=0)
     if usual <= len(clear):
         return clear[:_MOST_COLUMNS], True
     alike = [cells for cells in rows if len(cells) == usual]
@@ -113,14 +116,13 @@ def _with_gaps(heading: str, rows: Sequence[str], columns: Sequence[Span]) -> li
     return found
 
 
-def _with_words(line: str, cells: Sequence[Span], columns: Sequence[Span]) -> list[Span]:
-    """The cells of a heading; those over several columns word by word."""
-    parts: list[Span] = []
+def _parted_at(line: str, cells: Sequence[Span], columns: Sequence[Span], *, is_heading: bool) -> Iterator[Span]:
+    """The cells; one over several columns is parted where a word begins as a column does, a heading at each word."""
+    starts = [start for start, _ in columns]
     for start, end in cells:
-        over = sum(a < end and start < b for a, b in columns)
-        words = [word.span() for word in _WORDS.finditer(line, start, end)]
-        parts += words if over > 1 else [(start, end)]
-    return parts
+        over = sum(a < end and start < b for a, b in columns) > 1 and len(cells) < len(columns)
+        words = [word.start() for word in _WORDS.finditer(line, start, end)] if over else [start]
+        yield from pairwise([at for at in words if at == start or is_heading or at in starts] + [end])
 
 
 def _placed(line: str, cells: Sequence[Span], columns: Sequence[Span]) -> list[str]:

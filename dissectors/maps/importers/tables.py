@@ -11,7 +11,7 @@ from bisect import bisect, bisect_left
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, islice, pairwise, zip_longest
+from itertools import accumulate, islice, zip_longest
 from typing import Final
 
 from ..cells import CellError, area_and_address
@@ -31,7 +31,7 @@ from ..roles import (
 )
 from ..sheets import MapSheet, column_name, notes_of_cut
 from ..titles import Titles, footnotes_in, texts_alone
-from ..vocabulary import expression, form, given, meaning
+from ..vocabulary import WIDE_SIGNS, expression, form, given, meaning
 from ..written import (
     AddressForm,
     TableAddress,
@@ -110,12 +110,13 @@ class _TableRows:
         del headings[_MOST_HEADINGS:-1]
         for row in self.rows[: headings[0]]:
             self._title(row)
-        for first, last in pairwise(headings):
+        ends = {first: headings[min(bisect(headings, first + 1), len(headings) - 1)] for first in headings[:-1]}
+        for first, last in ends.items():
             self.alike.setdefault(tuple(self.rows[first]), []).extend(self.rows[first + 1 : last])
         begin = 0
-        for first in headings[:-1]:
+        for first, last in ends.items():
             if first >= begin:  # else the second row of a heading
-                begin = self._heading(first, headings[min(bisect(headings, first + 1), len(headings) - 1)])
+                begin = self._heading(first, last)
                 rows = self.rows[begin : headings[bisect_left(headings, begin)]]
                 for number, row in self._joined(rows, begin + self.first):
                     if not self.builder.is_full:
@@ -289,6 +290,9 @@ class _TableRows:
         """The cells of a row, with what stands behind its name in cells of their own."""
         if form("says_bits", cells.get("unit", "")):
             cells = {**cells, "description": f"{cells['unit']} {cells.get('description', '')}".strip(), "unit": ""}
+        kind, *told = expression("[,;] ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
+        if told and type_of(kind, None) == type_of(cells["type"], None):
+            cells = {**cells, "type": kind, "description": f"{told[0]}, {cells.get('description', '')}".strip(", ")}
         first, _, more = cells["name"].partition("\n")
         if has_only_states(more):
             return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
