@@ -64,10 +64,8 @@ def _cut_table(lines: Sequence[str], parted: Sequence[Sequence[Span]], *, has_he
     edges = [0, *(start for start, _ in columns[1:]), None]
     for number, (line, cells) in enumerate(zip(lines, parted, strict=True)):
         if line.count("|") > 1:
-            yield [
-                text.replace(_FILL, "").strip()[:_CELL]
-                for text in line.strip().removeprefix("|").removesuffix("|").split("|")
-            ]
+            texts = line.strip().removeprefix("|").removesuffix("|").split("|")
+            yield [text.replace(_FILL, "").strip()[:_CELL] for text in texts]
             continue
         is_cut = are_clear and len(cells) > 0 and not any(line[a:b].strip() for (_, a), (b, _) in pairwise(columns))
         if is_cut and columns:
@@ -119,10 +117,11 @@ def _with_gaps(heading: str, rows: Sequence[str], columns: Sequence[Span]) -> li
 def _parted_at(line: str, cells: Sequence[Span], columns: Sequence[Span], *, is_heading: bool) -> Iterator[Span]:
     """The cells; one over several columns is parted where a word begins as a column does, a heading at each word."""
     starts = [start for start, _ in columns]
+    is_row = is_heading or LEAST_CELLS <= len(cells) < len(columns)
     for start, end in cells:
-        over = sum(a < end and start < b for a, b in columns) > 1 and len(cells) < len(columns)
-        words = [word.start() for word in _WORDS.finditer(line, start, end)] if over else [start]
-        yield from pairwise([at for at in words if at == start or is_heading or at in starts] + [end])
+        over = sum(a < end and start < b for a, b in columns)
+        words = [word.start() for word in _WORDS.finditer(line, start, end)] * (is_row and over > 1)
+        yield from pairwise([start, *(at for at in words if at > start and (is_heading or at in starts)), end])
 
 
 def _placed(line: str, cells: Sequence[Span], columns: Sequence[Span]) -> list[str]:

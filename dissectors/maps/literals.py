@@ -96,6 +96,7 @@ class _BracketGroup:
         self.words: list[Any] = []
         self.declares = False  # its items end with semicolons
         self.is_quoted = False
+        self.label = ""  # a text behind a word, which names the group behind it
 
     def read(self, tokens: Iterator[tuple[str, str]], names: list[Fields]) -> Any:
         """Take tokens up to the bracket that closes the group; `names` are those that lists have by what was read."""
@@ -104,6 +105,7 @@ class _BracketGroup:
                 case "close" if self.depth:
                     break
                 case "open" if self.depth < _DEEPEST:
+                    self.name = self.name or self.label
                     self._nested(_BracketGroup(self.depth + 1).read(tokens, names))
                 case "index" if self.depth < _DEEPEST:
                     _BracketGroup(self.depth + 1).read(tokens, [{}])
@@ -120,17 +122,19 @@ class _BracketGroup:
                     if isinstance(token, Remark):
                         self._close()
                         self.listed.append(token)
-                case "text":
-                    self.is_quoted = True
-                    self.words.append(token[1:-1])
-                case "word":
-                    self.words.append(token)
+                case "text" | "word":
+                    if self.words and isinstance(self.words[-1], list | dict):
+                        self._close()
+                    self.is_quoted |= kind == "text"
+                    self.label = token[1:-1] if kind == "text" and self.words else ""
+                    self.words.append(token.strip("\"'") if kind == "text" else token)
         self._close()
         return self._whole(names)
 
     def _nested(self, group: Any) -> None:
         """Take in a group; no sign parts those that stand in no other."""
-        self.words = [group]
+        before = self.words[-1] if self.words else None
+        self.words = [{**before, "": group} if isinstance(before, dict) else group]  # what is said of a group before it
         if not self.depth:
             self._close()
 
@@ -145,7 +149,7 @@ class _BracketGroup:
                 self.named[self.name] = item
             else:
                 self.listed.append(item)
-        self.name, self.words = "", []
+        self.name, self.words, self.label = "", [], ""
 
     def _whole(self, names: list[Fields]) -> Any:
         if not self.depth:

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 from .literals import Remark, tree_of_source
-from .roles import WHOLE, heading_bits
+from .roles import AREA_NAMES, WHOLE, heading_bits
 from .sheets import MapSheet, notes_of_cut
 from .vocabulary import expression, form, tidied
 from .written import access_said, area_words, numbers_in
@@ -118,7 +118,8 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
     cells, plain = dict(_cells(node)), {_word(key): "1" for key, value in node.items() if not _is_nested(value)}
     usual = (dict(_cells(part)) for key, part in node.items() if _is_nested(part) and form("of_defaults", str(key)))
     given = {**given, **next(usual, {})}
-    shared = {**given, **{key: cells[key] for key in plain if _is_shared(key)}}
+    areas = {"area": cell for cell in map(cells.__getitem__, plain) if cell.lower() in AREA_NAMES}  # noqa: B035
+    shared = {**given, **areas, **{key: cells[key] for key in plain if _is_shared(key)}}
     below = [
         record
         for key, part in node.items()

@@ -150,13 +150,13 @@ class TableColumn:
 
     def _areas(self, line: Mapping[str, Any]) -> bool:
         if not heading_bits(self.heading, "area"):
-            return all(cell.lower() in _AREA_NAMES or meaning("area", cell) for cell in self.cells)
+            return all(cell.lower() in AREA_NAMES or meaning("area", cell) for cell in self.cells)
         return self._share(
             line, lambda cell: form("codes", cell.lower()) or meaning("area", cell) or cell.lower() in AREA_WORDS
         )
 
 
-_AREA_NAMES: Final = frozenset(word for word in AREA_WORDS if not word.isdecimal())
+AREA_NAMES: Final = frozenset(word for word in AREA_WORDS if not word.isdecimal())
 _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = {
     "like": TableColumn._like,
     "some": TableColumn._some,

@@ -21,6 +21,7 @@ from .source import ImportedMap, MapSource
 _OF_PROGRAMS: Final = (
     "sunspec",
     "wirenboard",
+    "zabbix",
     "solarman",
     "homeassistant",
     "esphome",

@@ -290,7 +290,7 @@ class _TableRows:
         """The cells of a row, with what stands behind its name in cells of their own."""
         if form("says_bits", cells.get("unit", "")):
             cells = {**cells, "description": f"{cells['unit']} {cells.get('description', '')}".strip(), "unit": ""}
-        kind, *told = expression("[,;] ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
+        kind, *told = expression(r"[,;](?!\d) ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
         if told and type_of(kind, None) == type_of(cells["type"], None):
             cells = {**cells, "type": kind, "description": f"{told[0]}, {cells.get('description', '')}".strip(", ")}
         first, _, more = cells["name"].partition("\n")
