@@ -85,6 +85,9 @@ def _has_address(record: Mapping[str, str]) -> bool:
 def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
     """The lists of lists in a tree that are rows of one length."""
     below = parts_of(node)
+    if isinstance(node, Mapping) and all(isinstance(cell, list | str) for cell in below):  # of lists by their names
+        lists = [expression(", *").split(cell) if isinstance(cell, str) else cell for cell in below]
+        yield from _lists_of_rows([[key, *cells] for key, cells in zip(node, lists, strict=True)], _DEPTH)
     widths = {len(row) if isinstance(row, list) else 0 for row in below}
     if len(below) > _FEW and min(widths) > _FEW:
         yield below

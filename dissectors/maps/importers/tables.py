@@ -202,7 +202,8 @@ class _TableRows:
             else:
                 held.append((number, [row]))
         for number, parts in held:
-            yield number, [" ".join(filter(None, cells)) for cells in zip_longest(*parts, fillvalue="")]
+            texts = [[f"\n{cell}" * has_only_states(cell) or cell for cell in part] for part in parts[1:]]
+            yield number, [" ".join(filter(None, cells)) for cells in zip_longest(parts[0], *texts, fillvalue="")]
 
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
@@ -293,7 +294,7 @@ class _TableRows:
         kind, *told = expression(r"[,;](?!\d) ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
         if told and type_of(kind, None) == type_of(cells["type"], None):
             cells = {**cells, "type": kind, "description": f"{told[0]}, {cells.get('description', '')}".strip(", ")}
-        first, _, more = cells["name"].partition("\n")
+        first, _, more = cells["name"].partition(" \n")
         if has_only_states(more):
             return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
         if how_named := self.heading.has_units_behind and form("unit_behind", cells["name"]):
@@ -397,7 +398,7 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
     )
     texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
     alone = set() if place_above.endswith(_OPEN) else {0, columns.get("address", 0)} - texts
-    is_lower = f"{name}a"[0].islower() and not form("spoken_bit", name)
+    is_lower = (f"{name}a"[0].islower() and not form("spoken_bit", name)) or has_only_states(name)
     return any((is_drawn, is_lower, name_above.endswith(","))) and set() < filled <= (texts | held) - alone
 
 
