@@ -226,8 +226,10 @@ def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
     """Cells that single blanks part, as some PDFs are copied: of a row below a heading of known words, what is over is
     the name's; other lines as they stand."""
     cut = [line.split(maxsplit=_MOST_COLUMNS) for line in lines]
-    head = next((words for words in cut[:_LOOK] if known_headings(words) > LEAST_CELLS), [])
-    name = assigned(head, ()).get("name", 0)
+    head = max(cut[:_LOOK], key=known_headings, default=[])
+    if known_headings(head) <= LEAST_CELLS:
+        return [[line] for line in lines]
+    name = max(range(len(head)), key=lambda at: heading_bits(plain_heading(head[at]), "name"))
     rows = []
     for line, words in zip(lines, cut, strict=True):
         over = len(words) - len(head)
