@@ -6,22 +6,21 @@ of any other the cells that two blanks part go each to the nearest column, in tu
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import accumulate, islice, pairwise
 from typing import Final
 
 from .roles import known_headings, may_be_heading
-from .vocabulary import form
+from .vocabulary import expression, form
 
 LEAST_CELLS: Final = 3  # that make a row
 _MOST_COLUMNS: Final = 100
 _CELL: Final = 1000  # characters
-_WORDS: Final = re.compile(r"\S+")
-_WIDE: Final = re.compile(r"\S+(?: \S+)*")  # what two blanks part
+_WORDS: Final = r"\S+"
+_WIDE: Final = r"\S+(?: \S+)*"  # what two blanks part
 _FILL: Final = "\u2060"  # behind a sign that takes two places
-_TWICE: Final = re.compile("[\u1100-\u11ff\u2e80-\ua4cf\uac00-\ud7a3\uf900-\ufaff\uff00-\uff60]")
+_TWICE: Final = "[\u1100-\u11ff\u2e80-\ua4cf\uac00-\ud7a3\uf900-\ufaff\uff00-\uff60]"
 _CROSSED: Final = 0.1  # of the rows may have something where columns are parted
 _SAME: Final = 2  # places that a cell is farther from a column which has one
 Span = tuple[int, int]
@@ -29,7 +28,7 @@ Span = tuple[int, int]
 
 def cut_at_blanks(lines: Sequence[str]) -> Iterator[list[str]]:
     """The cells of each line."""
-    wide = [_TWICE.sub(rf"\g<0>{_FILL}", line) for line in lines]  # as long as it is shown
+    wide = [expression(_TWICE).sub(rf"\g<0>{_FILL}", line) for line in lines]  # as long as it is shown
     parted = [parts_of_line(line) for line in wide]
     known = [_headings_in(line, cells) for line, cells in zip(wide, parted, strict=True)]
     begins = [at for at, (before, here) in enumerate(pairwise([0, *known])) if here > max(before, 1)]
@@ -40,7 +39,7 @@ def cut_at_blanks(lines: Sequence[str]) -> Iterator[list[str]]:
 def parts_of_line(line: str) -> list[Span]:
     """Where the cells of a line are that two blanks part; those of a rule one."""
     parts = _WORDS if form("rule_above", line) else _WIDE
-    return [cell.span() for cell in islice(parts.finditer(line), _MOST_COLUMNS)]
+    return [cell.span() for cell in islice(expression(parts).finditer(line), _MOST_COLUMNS)]
 
 
 def _headings_in(line: str, cells: Sequence[Span]) -> int:
@@ -50,42 +49,36 @@ def _headings_in(line: str, cells: Sequence[Span]) -> int:
 
 
 def _cut_table(lines: Sequence[str], parted: Sequence[Sequence[Span]], *, has_heading: bool) -> Iterator[list[str]]:
-    counts = Counter(len(cells) for cells in parted[has_heading:] if len(cells) >= LEAST_CELLS)
-    usual = max(counts, key=lambda count: (counts[count], count), default=0)
-    full = [at for at in range(has_heading, len(lines)) if usual and len(parted[at]) >= usual]
-    rows = [parted[at] for at in full]
-    ruled = [cells for line, cells in zip(lines, parted, strict=True) if form("rule_above", line)]
-    columns, are_clear = _columns(ruled[:1] or rows)
-    if has_heading and are_clear and not ruled:
-        columns = _with_gaps(lines[0], [lines[at] for at in full], columns)
-    if has_heading:
-        own = [cell for cell in parted[0] if columns and cell[0] >= columns[-1][1]]
-        columns = [*columns, *own] or [*parted[0]]
+    columns, are_clear = _columns(lines, parted, has_heading=has_heading)
+    gaps = [(end, start) for (_, end), (start, _) in pairwise(columns)]
     edges = [0, *(start for start, _ in columns[1:]), None]
     for number, (line, cells) in enumerate(zip(lines, parted, strict=True)):
+        is_crossed = not (are_clear and cells) or any(line[a:b].strip() for a, b in gaps)
         if line.count("|") > 1:
             texts = line.strip().removeprefix("|").removesuffix("|").split("|")
-            yield [text.replace(_FILL, "").strip()[:_CELL] for text in texts]
-            continue
-        is_cut = are_clear and len(cells) > 0 and not any(line[a:b].strip() for (_, a), (b, _) in pairwise(columns))
-        if is_cut and columns:
-            texts = [line[a:b] for a, b in pairwise(edges)]
-        else:
+        elif is_crossed:
             texts = _placed(line, [*_parted_at(line, cells, columns, is_heading=has_heading > number)], columns)
+        else:
+            texts = [line[a:b] for a, b in pairwise(edges)]
         yield [text.replace(_FILL, "").strip()[:_CELL] for text in texts]
 
 
-def _columns(rows: Sequence[Sequence[Span]]) -> tuple[list[Span], bool]:
-    """Where columns begin and end, and whether blanks part them in nearly all rows; else they are where most rows that
-    have as many cells have theirs."""
-    usual = min(map(len, rows), default=0)
-    clear = _runs(rows)
-    if usual <= len(clear):
-        return clear[:_MOST_COLUMNS], True
-    alike = [cells for cells in rows if len(cells) == usual]
-    sides = ([[cell[side] for cell in cells] for cells in alike] for side in (0, 1))
-    means = ([sum(edges) // len(alike) for edges in zip(*side, strict=True)] for side in sides)
-    return [*zip(*means, strict=True)], False
+def _columns(
+    lines: Sequence[str], parted: Sequence[Sequence[Span]], *, has_heading: bool
+) -> tuple[Sequence[Span], bool]:
+    """Where columns begin and end, and whether blanks part them in nearly all rows: by a rule, or by the rows that have
+    as many cells as most; else they are where one of these has its cells."""
+    ruled = [cells for line, cells in zip(lines, parted, strict=True) if form("rule_above", line)]
+    counts = Counter(len(cells) for cells in parted[has_heading:] if len(cells) >= LEAST_CELLS)
+    usual = max(counts, key=lambda count: (counts[count], count), default=_MOST_COLUMNS)
+    full = [at for at in range(has_heading, len(lines)) if len(parted[at]) >= usual]
+    runs = ruled[0] if ruled else _runs([parted[at] for at in full])[:_MOST_COLUMNS]
+    if not ruled and len(runs) < usual:
+        return next((parted[at] for at in full if len(parted[at]) == usual), parted[0]), False
+    if not has_heading:
+        return runs, True
+    columns = runs if ruled else _with_gaps(lines[0], [lines[at] for at in full], runs)
+    return [*columns, *(cell for cell in parted[0] if cell[0] >= columns[-1][1])], True
 
 
 def _runs(rows: Sequence[Sequence[Span]]) -> list[Span]:
@@ -103,9 +96,9 @@ def _runs(rows: Sequence[Sequence[Span]]) -> list[Span]:
 
 def _with_gaps(heading: str, rows: Sequence[str], columns: Sequence[Span]) -> list[Span]:
     """The columns, and those below a word of the heading that one blank parts from others."""
-    words = [word.span() for word in _WORDS.finditer(heading)]
+    words = [word.span() for word in expression(_WORDS).finditer(heading)]
     found: list[Span] = []
-    for start, end in _runs([[word.span() for word in _WORDS.finditer(row)] for row in rows]):
+    for start, end in _runs([[word.span() for word in expression(_WORDS).finditer(row)] for row in rows]):
         is_own = any(abs(a - start) < _SAME or abs(b - end) < _SAME for a, b in words)
         if not found or is_own or any(a - _SAME < start <= a for a, _ in columns):
             found.append((start, end))
@@ -120,7 +113,7 @@ def _parted_at(line: str, cells: Sequence[Span], columns: Sequence[Span], *, is_
     is_row = is_heading or LEAST_CELLS <= len(cells) < len(columns)
     for start, end in cells:
         over = sum(a < end and start < b for a, b in columns)
-        words = [word.start() for word in _WORDS.finditer(line, start, end)] * (is_row and over > 1)
+        words = [word.start() for word in expression(_WORDS).finditer(line, start, end)] * (is_row and over > 1)
         yield from pairwise([start, *(at for at in words if at > start and (is_heading or at in starts)), end])
 
 
@@ -131,9 +124,8 @@ def _placed(line: str, cells: Sequence[Span], columns: Sequence[Span]) -> list[s
     row = [""] * len(columns)
     at = 0
     for number, (start, end) in enumerate(cells):
-        free = range(at, len(columns) - max(0, len(cells) - number - 1))
         at = min(
-            free or range(at, at + 1),
+            range(at, len(columns) - len(cells) + number + 1),
             key=lambda column: (
                 max(0, columns[column][0] - end, start - columns[column][1]) + _SAME * (row[column] != ""),
                 abs(columns[column][0] - start),

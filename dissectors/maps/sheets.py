@@ -32,7 +32,7 @@ _WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merge
 _MERGED: Final = 1 << 17  # cells that may be merged then
 _SPREAD: Final = 1 << 18  # cells of a sheet, empty ones counted
 _UNKNOWN: Final = re.compile(rb"</f>(?:<v\s*/>|<v></v>)?</c>")
-_MERGE: Final = re.compile(rb"<mergeCell [^>]*ref=.([A-Z]{1,3})([0-9]{1,7}):([A-Z]{1,3})([0-9]{1,7})")
+_MERGE: Final = re.compile("<mergeCell [^>]*ref=.([A-Z]{1,3}[0-9]{1,7}:[A-Z]{1,3}[0-9]{1,7})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,27 +102,19 @@ def _sheet(sheet: Any, most_rows: int, notes: tuple[str, ...], *, merged: bool) 
 
 def _merged_cells(text: bytes) -> int:
     """How many cells a sheet merges."""
+    from openpyxl.utils import range_boundaries
+
     return sum(
-        (_column(right) - _column(left) + 1) * (int(bottom) - int(top) + 1)
-        for left, top, right, bottom in _MERGE.findall(text)
+        (right - left + 1) * (bottom - top + 1)
+        for left, top, right, bottom in map(range_boundaries, _MERGE.findall(text.decode("ascii", "replace")))
     )
 
 
-def _column(letters: bytes) -> int:
-    column = 0
-    for letter in letters:
-        column = 26 * column + letter - 64
-    return column
-
-
 def column_name(column: int) -> str:
-    """A, B ... Z, AA of a column from 0."""
-    name = ""
-    column += 1
-    while column:
-        column, letter = divmod(column - 1, 26)
-        name = chr(65 + letter) + name
-    return name
+    """A, B ... Z, AA of a workbook's column from 0."""
+    from openpyxl.utils import get_column_letter
+
+    return str(get_column_letter(column + 1))
 
 
 def _rows_of(sheet: Any, most_rows: int, *, merged: bool) -> list[list[str]]:

@@ -143,8 +143,12 @@ class _TableRows:
         columns = assigned(row, below) or assigned(row, ())
         if not columns:
             return begin
-        if self.is_divided and "scale" in columns:
-            columns["divisor"] = columns.pop("scale")
+        columns = {"divisor" if role == "scale" and self.is_divided else role: at for role, at in columns.items()}
+        self._take_columns(row, columns, below)
+        return begin
+
+    def _take_columns(self, row: Sequence[str], columns: dict[str, int], below: Table) -> None:
+        """Take in what columns hold, and what is to be said of it."""
         texts = {role: plain_heading(row[at]) for role, at in columns.items()}
         addresses, names, units, types, areas = (
             column_cells(below, columns.get(role, len(row))) for role in ("address", "name", "unit", "type", "area")
@@ -161,16 +165,15 @@ class _TableRows:
             not types and 2 * sum("type" in cells_told(name)[1] for name in names) > len(names),
             _more_addresses(row, below, columns),
         )
-        for holds, note in (
-            ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
+        doubtful = (
+            (0 < heading_bits(texts.get("divisor", "divisor"), "divisor") < WHOLE, _AS_DIVISOR),
             ("power" in columns, "whole factors, some below 0, were taken for powers of ten"),
             (how.base > 0, "plain addresses were taken as counted from 1, as a heading says"),
             (how.is_hex > how.is_said, "addresses were taken for hexadecimal, as some of them have letters"),
-        ):
-            self.builder.notes += [note] * holds
+        )
+        self.builder.notes += [note for holds, note in doubtful if holds]
         self.above, self.register = "", None
         self.titles.area = ("area" not in columns and area_words(texts["address"])) or self.titles.area
-        return begin
 
     def _merged(self, first: int, last: int) -> list[str] | None:
         """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
@@ -202,8 +205,8 @@ class _TableRows:
             else:
                 held.append((number, [row]))
         for number, parts in held:
-            texts = [[f"\n{cell}" * has_only_states(cell) or cell for cell in part] for part in parts[1:]]
-            yield number, [" ".join(filter(None, cells)) for cells in zip_longest(parts[0], *texts, fillvalue="")]
+            texts = [[f"\n{cell}" if has_only_states(cell) else f" {cell}" for cell in part] for part in parts[1:]]
+            yield number, ["".join(cells).strip() for cells in zip_longest(parts[0], *texts, fillvalue="")]
 
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
@@ -289,12 +292,10 @@ class _TableRows:
 
     def _apart(self, cells: Cells) -> Cells:
         """The cells of a row, with what stands behind its name in cells of their own."""
-        if form("says_bits", cells.get("unit", "")):
-            cells = {**cells, "description": f"{cells['unit']} {cells.get('description', '')}".strip(), "unit": ""}
         kind, *told = expression(r"[,;](?!\d) ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
         if told and type_of(kind, None) == type_of(cells["type"], None):
             cells = {**cells, "type": kind, "description": f"{told[0]}, {cells.get('description', '')}".strip(", ")}
-        first, _, more = cells["name"].partition(" \n")
+        first, _, more = cells["name"].partition("\n")
         if has_only_states(more):
             return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
         if how_named := self.heading.has_units_behind and form("unit_behind", cells["name"]):
