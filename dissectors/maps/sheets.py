@@ -23,6 +23,7 @@ ZIP: Final = b"PK\x03\x04"
 _CELL: Final = 1000  # characters
 _MOST_COLUMNS: Final = 100  # of a sheet
 _LOOK: Final = 60  # lines that tell how a text is cut
+_TEXT: Final = 1 << 18  # characters of a text without signs between cells
 _START: Final = 20_000  # characters that do
 _LEAST_WIDE: Final = 3  # such rows
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
@@ -55,9 +56,12 @@ def ways_in(data: bytes, text: str, name: str, most_rows: int) -> Iterator[list[
     if data.startswith(ZIP):
         yield sheets_of(data, name, most_rows)
         return
-    for rows in tables_of_text(text, name, most_rows + 1):
-        wide = notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns")
-        notes = (*notes_of_cut(len(rows) > most_rows, most_rows, "rows"), *wide)
+    for rows, length in tables_of_text(text, name, most_rows + 1):
+        notes = (
+            *notes_of_cut(len(text) > length, length, "characters"),
+            *notes_of_cut(len(rows) > most_rows, most_rows, "rows"),
+            *notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns"),
+        )
         yield [MapSheet("", [row[:_MOST_COLUMNS] for row in rows[:most_rows]], notes=notes)]
 
 
@@ -151,28 +155,30 @@ def _shown_text(cell: object) -> str:
     return str(cell).strip()[:_CELL]
 
 
-def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]:
-    """The rows of a text in each way that may be meant: as its layout has them, or below a rule; else CSV with any sign
-    between cells, and columns that blanks part, as PDFs are copied."""
+def tables_of_text(text: str, file: str, most: int) -> Iterator[tuple[list[list[str]], int]]:
+    """The rows of a text in each way that may be meant, and how many characters of it were read: as its layout has
+    them; else CSV with any sign between cells, and columns that blanks part, as PDFs are copied."""
     text = text.translate(_DRAWN)
     shown = text.splitlines()[:most]
     if shown and (named := form("separator", shown[0])):  # Excel's own line
-        yield _cut(["", *shown[1:]], named["sign"], file)
+        yield _cut(["", *shown[1:]], named["sign"], file), len(text)
         return
     laid_out = next((one for one in vocabulary()["layouts"] if expression(one["looks"]).search(text[:_START])), None)
     if laid_out is not None:
-        yield _laid_out(text, laid_out, most)
+        yield _laid_out(text, laid_out, most), len(text)
         return
+    start = text[:_TEXT].splitlines()[:most]
     head = shown[:_LOOK]
     sign = max("\t;,|", key="\n".join(head).count)
     signed = sum(line.count(sign) > 1 for line in head)
     wide = sum(len(parts_of_line(line)) >= LEAST_CELLS for line in head)
     if wide >= max(_LEAST_WIDE, 2 * signed) or any(form("rule_above", line) for line in head):
-        yield [*cut_at_blanks(shown)]
+        yield [*cut_at_blanks(start)], _TEXT
     if max(wide, signed) < _LEAST_WIDE:
-        yield _cut_at_words(shown)
-        yield [*_cut_at_lines(expression(r"(?<=\S)(?:\n[ \t]*){1,4}\(").sub(" (", text).splitlines()[:most])]
-    yield _cut(shown, sign, file)
+        yield _cut_at_words(start), _TEXT
+        joined = expression(r"(?<=\S)(?:\n[ \t]*){1,4}\(").sub(" (", text[:_TEXT])
+        yield [*_cut_at_lines(joined.splitlines()[:most])], _TEXT
+    yield _cut(shown, sign, file), len(text)
 
 
 def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]]:

@@ -61,6 +61,8 @@ _LEAST_NAMES: Final = 3  # that tell whether names end in units
 _LOGICAL: Final = 10_000  # by which logical numbers of areas differ
 _MOST_BLOCKS: Final = 16  # that have the same offsets
 _AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
+_PATIENCE: Final = 2000  # rows that are read whatever comes of them
+_YIELD: Final = 4  # more for each value
 _SCALED: Final = ("raw_low", "raw_high", "scaled_low", "scaled_high")
 Cells = dict[str, str]
 
@@ -100,6 +102,7 @@ class _TableRows:
         self.is_divided = any(form("says_divided", text) for text in alone)  # by what a column calls a factor
         self.heading = _TableHeading()
         self.alike: dict[tuple[str, ...], list[Sequence[str]]] = {}  # the rows below each heading, wherever it stands
+        self.is_barren = False
         self.above = ""  # the area of the rows above
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
@@ -119,11 +122,19 @@ class _TableRows:
                 begin = self._heading(first, last)
                 rows = self.rows[begin : headings[bisect_left(headings, begin)]]
                 for number, row in self._joined(rows, begin + self.first):
-                    if not self.builder.is_full:
+                    if not (self.builder.is_full or self._is_barren(number)):
                         self._row(row, f"row {number}")
         if self.builder.rows:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
         return self.builder.built() if self.heading.columns else None
+
+    def _is_barren(self, number: int) -> bool:
+        """Whether so many rows gave so few values that this is no table of registers; said once."""
+        is_barren = number > _PATIENCE + _YIELD * (len(self.builder.rows) + len(self.builder.bits))
+        if is_barren and not self.is_barren:
+            self.builder.notes.insert(0, f"only the first {number - 1:,} rows were read, so few of them are registers")
+        self.is_barren |= is_barren
+        return self.is_barren
 
     def _visible(self, sheet: MapSheet) -> Table:
         """The rows without the columns that the sheet hides, where what is left is a table."""
