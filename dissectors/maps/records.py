@@ -125,7 +125,7 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
     shared = {**given, **areas, **{key: cells[key] for key in plain if _is_shared(key)}}
     below = [
         record
-        for key, part in node.items()
+        for key, part in islice(node.items(), _MOST)
         for record in _found(part, (*path, str(key)), _with(shared, _told(str(key))))
     ]
     whole = {**_place(path, cells), **_lacking(given, cells), **cells}

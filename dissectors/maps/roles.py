@@ -16,7 +16,7 @@ from typing import Any, Final
 from unicodedata import category, normalize
 
 from .model import AREA_WORDS
-from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, roles
+from .vocabulary import WIDE_SIGNS, expression, form, given, is_narrow, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
@@ -53,14 +53,15 @@ def heading_bits(text: str, role: str) -> float:
     """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
     if not 0 < len(text) <= _HEADING:
         return 0.0
-    words = _any(role, "words")
-    last = _any(role, "last", "(?:{})$").search(text)
+    narrow = is_narrow(text)
+    words = _any(role, "words", narrow=narrow)
+    last = _any(role, "last", "(?:{})$", narrow=narrow).search(text)
     ends = [mark.start() for mark in expression(r"(?<=\w)(?!\w)").finditer(text)]
     ways = (
         (WHOLE, is_whole(text, role)),
         (_BEGINS, any(words.fullmatch(text, 0, end) for end in ends)),
-        (_MAYBE, _any(role, "maybe").fullmatch(text)),
-        (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
+        (_MAYBE, _any(role, "maybe", narrow=narrow).fullmatch(text)),
+        (_ENDS, _any(role, "ends", "(?:{})$", narrow=narrow).search(text)),
         (_ENDS, last and len(last[0].encode()) >= _LEAST_END),
     )
     return next((bits for bits, found in ways if found), 0.0)
@@ -68,12 +69,13 @@ def heading_bits(text: str, role: str) -> float:
 
 def is_whole(text: str, role: str) -> bool:
     """Whether a heading is of a role by all of it."""
-    return text == role or _any(role, "words").fullmatch(text) is not None
+    return text == role or _any(role, "words", narrow=is_narrow(text)).fullmatch(text) is not None
 
 
 @lru_cache(maxsize=256)
-def _any(role: str, kind: str, where: str = "{}") -> re.Pattern[str]:
-    return expression(where.replace("{}", _unaccented("|".join(roles()[role].get(kind, ())) or r"(?!)")))
+def _any(role: str, kind: str, where: str = "{}", *, narrow: bool) -> re.Pattern[str]:
+    words = "|".join(roles(narrow=narrow)[role].get(kind, ())) or r"(?!)"
+    return expression(where.replace("{}", _unaccented(words)), narrow=narrow)
 
 
 def _unaccented(text: str) -> str:
@@ -122,11 +124,16 @@ class TableColumn:
     def _share(self, line: Mapping[str, Any], looks: Callable[[str], object]) -> bool:
         return sum(map(bool, map(looks, self.cells))) >= float(line.get("share", 1)) * len(self.cells)
 
+    @cached_property
+    def is_narrow(self) -> bool:
+        """Whether its cells have Latin letters alone."""
+        return all(map(is_narrow, self.cells))
+
     def _like(self, line: Mapping[str, Any]) -> bool:
-        return self._share(line, expression(line["like"]).fullmatch)
+        return self._share(line, expression(line["like"], narrow=self.is_narrow).fullmatch)
 
     def _some(self, line: Mapping[str, Any]) -> bool:
-        return any(map(expression(line["some"]).fullmatch, self.cells))
+        return any(map(expression(line["some"], narrow=self.is_narrow).fullmatch, self.cells))
 
     def _rises(self, _: Mapping[str, Any]) -> bool:
         steps = [after > before for before, after in pairwise(self.numbers)]

@@ -14,7 +14,7 @@ from typing import Final, cast
 
 from .cells import CellError, area_of
 from .model import MapArea
-from .vocabulary import WIDE_SIGNS, expression, form, meaning, tidied, vocabulary
+from .vocabulary import WIDE_SIGNS, expression, form, is_narrow, meaning, tidied, vocabulary
 
 _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
@@ -193,7 +193,7 @@ def area_words(text: str) -> MapArea | None:
 @lru_cache(maxsize=1024)
 def functions_in(text: str) -> Sequence[int]:
     """The functions that a text names and that read or write data."""
-    named = expression(vocabulary()["functions"]).finditer(text)
+    named = expression(vocabulary()["functions"], narrow=is_narrow(text)).finditer(text)
     parts = (part for said in named for part in _NUMBER.findall(said["behind"] or said["before"]))
     return [code for code in map(_whole, parts) if code in _FUNCTIONS]
 
@@ -251,7 +251,8 @@ def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str 
 def _told(at: int, text: str) -> Mapping[str, str]:
     """What a text tells by a line of the table of facts; `rest` is what it says else."""
     line = vocabulary()["facts"][at]
-    match = expression(line["like"]).fullmatch(_put_right(line.get("tidy", ""), text.translate(WIDE_SIGNS)))
+    text = _put_right(line.get("tidy", ""), text.translate(WIDE_SIGNS))
+    match = expression(line["like"], narrow=is_narrow(text)).fullmatch(text)
     if match is None:
         return {}
     parts = {**_NOTHING_TOLD, **match.groupdict(""), **line.get("gives", {})}

@@ -54,7 +54,7 @@ from .source import ImportedMap, MapBuilder, MapSource, whole_in
 
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _FEW: Final = 2  # cells of a row that may be a footnote
-_MOST_HEADINGS: Final = 200  # of one sheet
+_MOST_HEADINGS: Final = 100  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
 _OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
 _LEAST_NAMES: Final = 3  # that tell whether names end in units
