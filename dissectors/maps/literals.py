@@ -82,7 +82,7 @@ def _fields_in(text: str) -> list[Fields]:
             found[-1][field["name"]] = field["usual"].strip("\"'")
         elif line.strip() and not line.lstrip().startswith(("//", "#", "--", "/*", "*")):
             found.append({})
-    return [fields for fields in found if len(fields) >= _FEW]
+    return found
 
 
 class _BracketGroup:

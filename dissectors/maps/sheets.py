@@ -163,10 +163,12 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[tuple[list[list[
     if shown and (named := form("separator", shown[0])):  # Excel's own line
         yield _cut(["", *shown[1:]], named["sign"], file), len(text)
         return
-    laid_out = next((one for one in vocabulary()["layouts"] if expression(one["looks"]).search(text[:_START])), None)
-    if laid_out is not None:
+    looks = ((one, expression(one["looks"]).search(text)) for one in vocabulary()["layouts"])
+    laid_out, mark = next((found for found in looks if found[1]), (None, None))
+    if laid_out and mark:
         yield _laid_out(text, laid_out, most), len(text)
-        return
+        if mark.start() < _START or text.lstrip().startswith("<"):
+            return
     start = text[:_TEXT].splitlines()[:most]
     head = shown[:_LOOK]
     sign = max("\t;,|", key="\n".join(head).count)
