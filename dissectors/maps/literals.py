@@ -155,7 +155,7 @@ class _BracketGroup:
         if not self.depth:
             return self.listed
         items = [item for item in self.listed if not isinstance(item, Remark)]
-        own = {} if self.named else _names(items, is_quoted=self.is_quoted)
+        own = _names(items, is_quoted=self.is_quoted)
         names[0] = own or names[0]
         fields = {} if own else next(filter(self._may_have, names), {})
         usual = {name: cell for name, cell in fields.items() if cell}
@@ -165,9 +165,8 @@ class _BracketGroup:
 
     def _may_have(self, fields: Fields) -> bool:
         """Whether the items can be these fields: they have their names, are as many, or the last go without saying."""
-        plain = [item for item in self.listed if type(item) is str]  # no group, no remark
         count, most = len(self.listed), len(fields)
-        fewer = count < most and count == len(plain) and (any(fields.values()) if count > 1 else bool(self.named))
+        fewer = count < most and (any(fields.values()) if count > 1 else bool(self.named))
         return self.named.keys() <= fields.keys() and (count == most or fewer)
 
 

@@ -401,7 +401,7 @@ def _first_numbers(rows: Table, at: int) -> list[int]:
 
 
 def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int], *, is_drawn: bool) -> bool:
-    """Whether texts go on from the row above, which has no cell less: the name in small letters, no bit of it; where
+    """Whether texts go on from the row above, which has no cell less: the name in small letters; where
     lines part all other rows, any name."""
     filled, held = ({at for at, cell in enumerate(cells) if cell} for cells in (row, above))
     name, name_above, place_above = (
@@ -410,8 +410,8 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
     )
     texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
     alone = set() if place_above.endswith(_OPEN) else {0, columns.get("address", 0)} - texts
-    is_lower = (f"{name}a"[0].islower() and not form("spoken_bit", name)) or has_only_states(name)
-    return any((is_drawn, is_lower, name_above.endswith(","))) and set() < filled <= (texts | held) - alone
+    goes_on = (is_drawn, f"{name}a"[0].islower(), has_only_states(name), name_above.endswith(","))
+    return any(goes_on) and set() < filled <= (texts | held) - alone
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
