@@ -166,7 +166,8 @@ class _BracketGroup:
     def _may_have(self, fields: Fields) -> bool:
         """Whether the items can be these fields: they have their names, are as many, or the last go without saying."""
         count, most = len(self.listed), len(fields)
-        fewer = count < most and (any(fields.values()) if count > 1 else bool(self.named))
+        plain = all(type(item) is str for item in self.listed)  # no group, no remark
+        fewer = plain and count < most and (any(fields.values()) if count > 1 else bool(self.named))
         return self.named.keys() <= fields.keys() and (count == most or fewer)
 
 
