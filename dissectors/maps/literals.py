@@ -80,7 +80,7 @@ def _fields_in(text: str) -> list[Fields]:
         field = form("field", line[:_LINE])
         if field:
             found[-1][field["name"]] = field["usual"].strip("\"'")
-        elif line.strip() and not line.lstrip().startswith(("//", "#", "--", "/*", "*")):
+        elif line.strip():
             found.append({})
     return found
 
@@ -94,9 +94,8 @@ class _BracketGroup:
         self.named: dict[str, Any] = {}
         self.name = ""
         self.words: list[Any] = []
-        self.declares = False  # its items end with semicolons
         self.is_quoted = False
-        self.label = ""  # a text behind a word, which names the group behind it
+        self.label = ""  # a text which names the group behind it
 
     def read(self, tokens: Iterator[tuple[str, str]], names: list[Fields]) -> Any:
         """Take tokens up to the bracket that closes the group; `names` are those that lists have by what was read."""
@@ -112,7 +111,6 @@ class _BracketGroup:
                 case "names":
                     self.name, self.words = str(self.words[-1] if self.words else "").lstrip("."), []
                 case "part":
-                    self.declares |= token == ";"
                     self._close()
                 case "comment":
                     names[0] = (
@@ -126,7 +124,7 @@ class _BracketGroup:
                     if self.words and isinstance(self.words[-1], list | dict):
                         self._close()
                     self.is_quoted |= kind == "text"
-                    self.label = token[1:-1] if kind == "text" and self.words else ""
+                    self.label = token[1:-1] if kind == "text" else ""
                     self.words.append(token.strip("\"'") if kind == "text" else token)
         self._close()
         return self._whole(names)
@@ -142,7 +140,7 @@ class _BracketGroup:
         """End an item: a group, or the words of which it is."""
         if self.words:
             last = self.words[-1]
-            item = last if isinstance(last, list | dict) or self.declares else " ".join(map(str, self.words))
+            item = last if isinstance(last, list | dict) else " ".join(map(str, self.words))
             if self.name and not self.depth:
                 self.listed.append(_NamedGroup({self.name: item}) if isinstance(item, list | dict) else item)
             elif self.name:
@@ -158,9 +156,8 @@ class _BracketGroup:
         own = _names(items, is_quoted=self.is_quoted)
         names[0] = own or names[0]
         fields = {} if own else next(filter(self._may_have, names), {})
-        usual = {name: cell for name, cell in fields.items() if cell}
         return (
-            {**usual, **dict(zip(fields, items, strict=False)), **self.named} if fields or self.named else self.listed
+            {**fields, **dict(zip(fields, items, strict=False)), **self.named} if fields or self.named else self.listed
         )
 
     def _may_have(self, fields: Fields) -> bool:

@@ -324,7 +324,7 @@ class _TableRows:
         order = self._order(cells, kind, what)
         bits = bits_of(cells.get("description", ""), kind)
         kind = "bits" if kind in ("u16", "u32") and form("says_bits", cells.get("description", "")) else kind
-        name, states = (left["name"], None) if bits else states_in(left, kind, left["name"])
+        name, states = states_in(left, kind, left["name"])
         accesses = self._accesses(cells, told["access"], register[0])
         self.builder.add(
             *register,
