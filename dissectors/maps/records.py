@@ -2,13 +2,12 @@
 A sheet is made of them whose headings are the keys, so that columns are found as in any table.
 
 A record is a mapping with plain values; what has no name is named by the key that leads to it, and grouped by what it
-stands in. Records of registers are those that have an address by its name, else the kind that there is most of.
+stands in. Records of registers are those that have an address by its name.
 """
 
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
@@ -57,14 +56,12 @@ def _sentences(tree: Any) -> list[str]:
 
 
 def _of_records(records: list[Record], titles: list[list[str]], notes: tuple[str, ...]) -> Iterator[MapSheet]:
-    """A sheet of the records that have an address by its name, else of those that have keys of most."""
+    """A sheet of the records that have an address by its name, of all where such are few."""
     addressed = [record for record in records if _has_address(record)]
-    keys = Counter(tuple(record) for record in records)
-    most = {key for common, _ in keys.most_common(1) for key in common}
-    chosen = addressed if len(addressed) >= _FEW else [one for one in records if 2 * len(most & one.keys()) > len(most)]
+    chosen = addressed if len(addressed) >= _FEW else records
     columns = list(dict.fromkeys(key for record in chosen for key in record))
+    rows = [*titles, columns, *([record.get(key, "") for key in columns] for record in chosen)]
     if len(chosen) >= _FEW:
-        rows = [*titles, columns, *([record.get(key, "") for key in columns] for record in chosen)]
         yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(records) == _MOST, _MOST, "records")))
 
 

@@ -43,7 +43,8 @@ class Titles:
             self.group = _group(title) or self.group
 
     def _take(self, title: str, sentences: Sequence[str]) -> None:
-        area = next(filter(None, map(area_words, expression("[;.] ").split(title))), None)  # the first that is named
+        named = map(area_words, expression("[;.] ").split(title))
+        area = next((one for one in named if one), None)  # the first
         self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
         self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
         told = ((area_words(part), access_said(part)) for part in sentences)

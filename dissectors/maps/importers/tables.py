@@ -302,9 +302,9 @@ class _TableRows:
 
     def _apart(self, cells: Cells) -> Cells:
         """The cells of a row, with what stands behind its name in cells of their own."""
-        kind, *told = expression(r"[,;](?!\d) ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
-        if told and type_of(kind, None) == type_of(cells["type"], None):
-            cells = {**cells, "type": kind, "description": f"{told[0]}, {cells.get('description', '')}".strip(", ")}
+        kind, *rest = expression(r"[,;](?!\d) ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
+        if rest and type_of(kind, None) == type_of(cells["type"], None):
+            cells = {**cells, "type": kind, "description": f"{rest[0]}, {cells.get('description', '')}".strip(", ")}
         first, _, more = cells["name"].partition("\n")
         if has_only_states(more):
             return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
