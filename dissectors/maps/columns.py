@@ -38,7 +38,7 @@ def cut_at_blanks(lines: Sequence[str]) -> Iterator[list[str]]:
 
 def parts_of_line(line: str) -> list[Span]:
     """Where the cells of a line are that two blanks part; those of a rule one."""
-    parts = _WORDS if form("rule_above", line) else _WIDE
+    parts = (_WIDE, _WORDS)[form("rule_above", line) != {}]
     return [cell.span() for cell in islice(expression(parts).finditer(line), _MOST_COLUMNS)]
 
 

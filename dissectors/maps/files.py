@@ -42,7 +42,7 @@ def _wide(data: bytes) -> str | None:
     lead, other = max(even, odd), min(even, odd)
     if other or lead < len(data) // 16 or data.count(b"\0\0\0"):
         return None
-    return "utf-16-le" if odd else "utf-16-be"
+    return ("utf-16-be", "utf-16-le")[odd > 0]
 
 
 _CENTRAL: Final = re.compile(rb"[a-z\xe0-\xff][\x9a\x9c-\x9f\xb3\xb9\xbc\xbe\xbf][a-z\xe0-\xff]")
@@ -65,7 +65,7 @@ def _page(data: bytes) -> str:
         return "cp1250"
     words = _WORD.findall(data)
     cyrillic = sum(len(re.findall(rb"[\xc0-\xff]", word)) > len(word) // 2 for word in words)
-    return "cp1251" if 2 * cyrillic >= len(words) else "cp1252"
+    return ("cp1252", "cp1251")[2 * cyrillic >= len(words)]
 
 
 _YAML: Final = (".yaml", ".yml")

@@ -282,7 +282,7 @@ def _with_last(part: str) -> list[tuple[int, str]]:
     """A text and the type or the access behind it, where it ends with one: `Line voltage uint16`; where each begins."""
     blanks = [blank.span() for blank in expression(r"\s+").finditer(part)]
     texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
-    name, begin = texts[-1] if texts else ("", 0)
+    name, begin = [("", 0), *texts][-1]
     is_last = form("words", name) and _is_type(part[begin:]) and {*OF_PARTS}.isdisjoint(_headed(name.rstrip(":= ")))
     return [(0, name), (begin, part[begin:])] if is_last else [(0, part)]
 

@@ -109,7 +109,7 @@ class _BracketGroup:
                 case "index" if self.depth < _DEEPEST:
                     _BracketGroup(self.depth + 1).read(tokens, [{}])
                 case "names":
-                    self.name, self.words = str(self.words[-1] if self.words else "").lstrip("."), []
+                    self.name, self.words = str(["", *self.words][-1]).lstrip("."), []
                 case "part":
                     self._close()
                 case "comment":
@@ -124,14 +124,14 @@ class _BracketGroup:
                     if self.words and isinstance(self.words[-1], list | dict):
                         self._close()
                     self.is_quoted |= kind == "text"
-                    self.label = token[1:-1] if kind == "text" else ""
+                    self.label = token[1:-1] * (kind == "text")
                     self.words.append(token.strip("\"'") if kind == "text" else token)
         self._close()
         return self._whole(names)
 
     def _nested(self, group: Any) -> None:
         """Take in a group; no sign parts those that stand in no other."""
-        before = self.words[-1] if self.words else None
+        before = [None, *self.words][-1]
         self.words = [{**before, "": group} if isinstance(before, dict) else group]  # what is said of a group before it
         if not self.depth:
             self._close()

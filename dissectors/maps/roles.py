@@ -117,9 +117,9 @@ class TableColumn:
 
     def _evidence(self, line: Mapping[str, Any]) -> float:
         if not self.cells:
-            return float(min(0, line["no"])) if "filled" in line else 0.0
+            return float(min(0, line["no"]) * ("filled" in line))
         holds = all(_LOOKS[kind](self, line) for kind in _LOOKS.keys() & line.keys())
-        return float(line["yes"] if holds else line["no"])
+        return float(line[("no", "yes")[holds]])
 
     def _share(self, line: Mapping[str, Any], looks: Callable[[str], object]) -> bool:
         return sum(map(bool, map(looks, self.cells))) >= float(line.get("share", 1)) * len(self.cells)
@@ -140,7 +140,7 @@ class TableColumn:
         return sum(steps) >= _RISING * len(steps) and 2 * len(self.numbers) > len(self.cells)
 
     def _counts(self, _: Mapping[str, Any]) -> bool:
-        first = self.numbers[0] if self.numbers else 2
+        first = [*self.numbers, 2][0]
         return first < 2 < len(self.cells) and self.numbers == list(range(first, first + len(self.cells)))
 
     def _varies(self, _: Mapping[str, Any]) -> bool:

@@ -218,7 +218,7 @@ def _pass_spanned(shown: list[str], above: dict[int, int]) -> None:
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
     rows = csv_rows(lines, delimiter, file)
-    kind = "cell" if delimiter == "|" else "of no marks"
+    kind = ("of no marks", "cell")[delimiter == "|"]
     return [[tidied(kind, cell)[:_CELL] for cell in row[: _MOST_COLUMNS + 1]] for _, row in rows]
 
 

@@ -49,7 +49,7 @@ class AddressForm:
         if self.is_plain:
             return ""
         every = self.is_logical or (self.is_digital and area in ("coil", "discrete"))
-        return "0134" if every else "34"
+        return ("34", "0134")[every]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def _any_like(pattern: str, texts: Sequence[str]) -> bool:
 def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     """The address in a cell; None where there is none."""
     cell = together(cell)
-    behind = form("bit_behind", cell) if form_of.has_bits else {}
+    behind = form("bit_behind", cell * form_of.has_bits)
     cell, bit = tidied("place", behind.get("place", cell)), behind.get("bit", "")
     if form_of.is_hex:
         cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)

@@ -51,6 +51,7 @@ from ..written import (
 )
 from .source import ImportedMap, MapBuilder, MapSource, whole_in
 
+_JOINTS: Final = (" ", "\n")  # before what goes on below: a text, states
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _FEW: Final = 2  # cells of a row that may be a footnote
 _MOST_HEADINGS: Final = 100  # of one sheet
@@ -137,7 +138,7 @@ class _TableRows:
 
     def _visible(self, sheet: MapSheet) -> Table:
         """The rows without the columns that the sheet hides, where what is left is a table."""
-        rows = [["" if at in sheet.hidden else cell for at, cell in enumerate(row)] for row in sheet.rows]
+        rows = [[cell * (at not in sheet.hidden) for at, cell in enumerate(row)] for row in sheet.rows]
         if not (sheet.hidden and has_heading(rows)):
             return sheet.rows
         names = ", ".join(map(column_name, sorted(sheet.hidden)))
@@ -215,7 +216,7 @@ class _TableRows:
             else:
                 held.append((number, [row]))
         for number, parts in held:
-            texts = [[f"\n{cell}" if has_only_states(cell) else f" {cell}" for cell in part] for part in parts[1:]]
+            texts = [[_JOINTS[has_only_states(cell)] + cell for cell in part] for part in parts[1:]]
             yield number, ["".join(cells).strip() for cells in zip_longest(parts[0], *texts, fillvalue="")]
 
     def _title(self, row: Sequence[str]) -> None:
@@ -251,8 +252,7 @@ class _TableRows:
         if form("unused", name):
             self.builder.note(f"{what}: {name}: no value")
             return
-        is_offset = place.startswith("+")
-        blocks = [*islice(self.titles.blocks.items(), _MOST_BLOCKS)] if is_offset else []
+        blocks = [*islice(self.titles.blocks.items(), _MOST_BLOCKS)] * place.startswith("+")
         for title, base in blocks or [("", 0)]:
             prefix = f"{title} " * (len(blocks) > 1)
             moved = (
