@@ -134,6 +134,35 @@ Rejestry zmienne (odczyt 0x03, zapis 0x06)
         ["holding 0 f32 r Вход", "holding 16 s16 rw Уставка"],
         "",
     ),
+    "addresses in two bases beside each other": (
+        "list.csv",
+        "Регистр (DEC),Регистр (HEX),Наименование,Формат,Ед. изм.\n256,0100,Напряжение,UINT16,В\n"
+        "258,0102,Ток,UINT32,А\n".encode(),
+        ["holding 256 u16 В Напряжение", "holding 258 u32 А Ток"],
+        "",
+    ),
+    "headings in two lines, each with words of its own": (
+        "fan.txt",
+        b" Modbus   | Register | Name     | Range       | R/W\n Function | Address  |          |             |\n"
+        b"----------+----------+----------+-------------+-----\n 03/06    | 0        | Setpoint | 0..100 %    | R/W\n"
+        b" 04       | 0        | Speed    | 0..3000 rpm | R\n",
+        ["holding 0 u16 % rw Setpoint", "input 0 u16 rpm r Speed"],
+        "",
+    ),
+    "units and factors in remarks": (
+        "tags.csv",
+        b'Tag,Address,Type,Description\nT_SUP,300101,INT16,"Supply [\xc2\xb0C], x10"\n'
+        b"P_SUP,300103,UINT16,Pressure [Pa]\n",
+        ["input 100 s16 x0.1 °C r T_SUP", "input 102 u16 Pa r P_SUP"],
+        "",
+    ),
+    "limits below zero, rights in remarks": (
+        "rejestry.csv",
+        "Nr rejestru;Opis;Jednostka;Mnożnik;Zakres;Uwagi\n1;Nawiew;°C;10;-50..100;odczyt\n"
+        "2;Wywiew;1/10 °C;1;-50..100;odczyt/zapis\n".encode(),
+        ["holding 1 s16 x0.1 °C r Nawiew", "holding 2 s16 °C rw Wywiew"],
+        "",
+    ),
     "states on a line of their own, below a rule": (
         "relay.txt",
         b"Addr.  Description   R/W  Data type\n-----  ------------  ---  ---------\n0x30   Relay         R/W  UINT16\n"
@@ -176,6 +205,7 @@ OTHERS = {
     "40002;Fühler;Stk;10;81,00\n",
     "alarms": "| Code | Text | Class | Reset |\n|---|---|---|---|\n| 1 | High pressure | A | manual |\n"
     "| 5 | Flow switch | A | auto |\n| 30 | Phases | B | manual |\n",
+    "participants": "Slave ID;Device;Location;Baud rate\n1;Meter;cellar;9600\n2;Pump;cellar;9600\n",
     "groups of a bus": "Group address,Name,Description\n1/1/1,Light kitchen,switch\n1/1/2,Light hall,switch\n",
     "inputs of a controller": "Symbol;Adresse;Datentyp\nStart;E0.0;BOOL\nMotor;A4.0;BOOL\nLevel;EW64;INT\n",
 }

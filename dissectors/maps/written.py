@@ -74,7 +74,7 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     is_hex = is_said or (bool(letters) and len(bare) > 0.8 * len(parts))
     numbers = list(filter(str.isdecimal, parts))
     bits = [int(behind["bit"]) for cell in cells if (behind := form("bit_behind", cell))]
-    is_near = bool(form("numbered", heading.lower())) or _any_like(r"[34]0?0\d{3}", numbers)
+    is_near = bool(form("numbered", heading.lower())) or _any_like(r"[34]0?0[0-4]\d\d", numbers)
     is_plain = (not is_near and _any_like(r"[34]\d{4}", numbers)) or _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
     return AddressForm(
         is_hex,

@@ -319,7 +319,7 @@ class _TableRows:
         told, left = facts_of(shown, ["untyped"] * (not cells.get("type")))
         told |= scaled_by([cells.get(role, "") for role in _SCALED])
         length = whole_in(cells.get("length")) or _words(cells, position, self.heading.form)
-        kind, length = type_of(_type_said(cells, told["sign"]), length)
+        kind, length = type_of(_type_said(cells, told["sign"] or "signed" * told["low"].startswith("-")), length)
         order = self._order(cells, kind, what)
         bits = bits_of(cells.get("description", ""), kind)
         kind = "bits" if kind in ("u16", "u32") and form("says_bits", cells.get("description", "")) else kind
@@ -385,7 +385,7 @@ def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]
         title: at
         for at, title in free.items()
         if row[at].startswith(f"{word} ")
-        and not heading_bits(plain_heading(title), "address")
+        and not heading_bits(plain_heading(title.strip("()[]")), "address")
         and TableColumn("", column_cells(below, at), len(below)).is_of_addresses
     }
     places = [number for at in (columns["address"], *found.values()) for number in _first_numbers(below, at)]
