@@ -156,6 +156,21 @@ Rejestry zmienne (odczyt 0x03, zapis 0x06)
         ["input 100 s16 x0.1 °C r T_SUP", "input 102 u16 Pa r P_SUP"],
         "",
     ),
+    "headings that one blank parts, above columns that more do": (
+        "meter.txt",
+        b"Addr(Dec) Addr(Hex) Register Name      Bytes  Type     Unit   R/W\n"
+        b"30001     00 00     Phase 1 volts       4     Float    V      R\n"
+        b"30003     00 02     Phase 2 volts       4     Float    V      R\n"
+        b"40029     00 1C     Network baud rate   4     Float           R/W\n",
+        ["input 0 f32 V r Phase 1 volts", "input 2 f32 V r Phase 2 volts", "holding 28 f32 rw Network baud rate"],
+        "",
+    ),
+    "names in marks of code": (
+        "regs.md",
+        b"**Function code 3**\n\n* 2 - `temp` - Temperature, signed, 0.1 V\n* 3 - `hum` - Humidity, 0.1 %\n",
+        ["holding 2 s16 x0.1 V r temp - Temperature", "holding 3 u16 x0.1 % r hum - Humidity"],
+        "",
+    ),
     "limits below zero, rights in remarks": (
         "rejestry.csv",
         "Nr rejestru;Opis;Jednostka;Mnożnik;Zakres;Uwagi\n1;Nawiew;°C;10;-50..100;odczyt\n"

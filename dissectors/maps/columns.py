@@ -99,7 +99,7 @@ def _with_gaps(heading: str, rows: Sequence[str], columns: Sequence[Span]) -> li
     words = [word.span() for word in expression(_WORDS).finditer(heading)]
     found: list[Span] = []
     for start, end in _runs([[word.span() for word in expression(_WORDS).finditer(row)] for row in rows]):
-        is_own = any(abs(a - start) < _SAME or abs(b - end) < _SAME for a, b in words)
+        is_own = any(start == a or end == b for a, b in words)
         if not found or is_own or any(a - _SAME < start <= a for a, _ in columns):
             found.append((start, end))
         else:
@@ -119,13 +119,13 @@ def _parted_at(line: str, cells: Sequence[Span], columns: Sequence[Span], *, is_
 
 def _placed(line: str, cells: Sequence[Span], columns: Sequence[Span]) -> list[str]:
     """The texts of cells by columns: as many one by one, else each in the nearest that is free, in turn."""
-    if len(cells) >= len(columns):
+    if len(cells) == len(columns) or not columns:
         return [line[a:b] for a, b in cells]
     row = [""] * len(columns)
     at = 0
     for number, (start, end) in enumerate(cells):
         at = min(
-            range(at, len(columns) - len(cells) + number + 1),
+            range(at, max(at, len(columns) - len(cells) + number) + 1),
             key=lambda column: (
                 max(0, columns[column][0] - end, start - columns[column][1]) + _SAME * (row[column] != ""),
                 abs(columns[column][0] - start),
