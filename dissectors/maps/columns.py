@@ -95,12 +95,11 @@ def _runs(rows: Sequence[Sequence[Span]]) -> list[Span]:
 
 
 def _with_gaps(heading: str, rows: Sequence[str], columns: Sequence[Span]) -> list[Span]:
-    """The columns, and those below a word of the heading that one blank parts from others."""
-    words = [word.span() for word in expression(_WORDS).finditer(heading)]
+    """The columns, and those that begin as a word of the heading, where one blank parts them from others."""
+    words = {word.start() for word in expression(_WORDS).finditer(heading)}
     found: list[Span] = []
     for start, end in _runs([[word.span() for word in expression(_WORDS).finditer(row)] for row in rows]):
-        is_own = any(start == a or end == b for a, b in words)
-        if not found or is_own or any(a - _SAME < start <= a for a, _ in columns):
+        if not found or start in words or any(a - _SAME < start <= a for a, _ in columns):
             found.append((start, end))
         else:
             found[-1] = (found[-1][0], end)
