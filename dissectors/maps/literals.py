@@ -82,7 +82,7 @@ def _fields_in(text: str) -> list[Fields]:
             found[-1][field["name"]] = field["usual"].strip("\"'")
         elif line.strip():
             found.append({})
-    return found
+    return [*filter(lambda fields: len(fields) >= _FEW, found)]  # of fewer there are too many to try
 
 
 class _BracketGroup:
