@@ -104,7 +104,7 @@ def _made(style: dict[str, Any], chart: RegisterMap, chance: Random, number: int
             name = name.replace(" ", "_")
         scale = row.scale if row.scale in (1, 0.1, 0.01, 0.001) and row.type != "f32" else 1.0
         unit = row.unit if row.unit in _UNITS else chance.choice(_UNITS)
-        cells = _Cells(style, row, name, scale, unit, types[row.type], len(shown), area)
+        cells = _Cells(style, row, name, scale, unit, types[row.type], len(shown), area, values[0].address < 1000)
         line = {heading: cells.of(role) for heading, role in style["columns"]}
         shown.append((name, line))
         roles = {role for _, role in style["columns"]}
@@ -128,6 +128,7 @@ class _Cells:
     type_word: str
     number: int
     area: str
+    is_near: bool  # to the first register: logical numbers that are far from it look like addresses
 
     @property
     def access(self) -> str:
@@ -145,7 +146,7 @@ class _Cells:
             "h": f"{at:04X}h",
             "bare": f"{at:04X}",
             "range": f"{at}-{at + length - 1}" if length > 1 else str(at),
-            "logical": f"{'3' if self.area == 'input' else '4'}{at + 1:04d}",
+            "logical": f"{'3' if self.area == 'input' else '4'}{at + 1:04d}" if self.is_near else str(at),
         }
         steps = round(1 / self.scale)
         words = self.style.get("access", {})

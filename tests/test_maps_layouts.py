@@ -247,7 +247,7 @@ points:
             "input 4 f32 V r Phase voltage L3",
             "input 6 f32 A r Current L1",
             "input 12 f32 kW r Active power total",
-            "input 16 s16 r Power factor",
+            "input 16 s16 x0.001 r Power factor",
             "input 26 u32 h r Operating hours",
             "holding 256 u16 rw Slave address",
             "holding 257 u16 rw {0=9600; 1=19200} Baud rate",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -522,14 +523,16 @@ def test_what_is_read_in_part_is_told() -> None:
     rows = "".join(f"{at};Value {at};u16\n" for at in range(25_000))
     sheets = {
         "over 20,000 values": "Address;Name;Type\n" + rows,
-        "only the first 200 headings": "Address;Name;Type\n5;A;u16\n" * 300,
+        "only the first 100 headings": "Address;Name;Type\n5;A;u16\n" * 300,
         "only the first 100 columns": "Address;Name;Type" + ";" * 200 + "\n5;A;u16\n",
         "only the first 40,000 rows": "_address;len;factor\n" + "5;1;1\n" * 45_000,
-        "only the first 20,000 rows": "".join(f"{at % 9}: Value, uint16\n" for at in range(25_000)),
+        "only the first 20,000 rows": "".join(f"{at % 9}: U, u16\n" for at in range(25_000)),
+        "only the first 262,144 characters": "".join(f"{at % 9}: Value, uint16\n" for at in range(19_000)),
+        r"only the first \d,\d\d\d rows were read, so few": "Address;Name;Type\n5;A;u16\n" + "a;b;c\n" * 9_000,
     }
     for note, text in sheets.items():
         (imported,) = import_maps("x.csv", text.encode())
-        assert any(note in said for said in imported.notes), note
+        assert any(re.search(note, said) for said in imported.notes), note
     prose = "A sentence of words.\n" * 70 + "Address;Name;Type\n5;A;u16\n"
     with pytest.raises(MapError, match="in its first 60 rows"):
         import_maps("x.csv", prose.encode())

@@ -42,17 +42,18 @@ def _wide(data: bytes) -> str | None:
     lead, other = max(even, odd), min(even, odd)
     if other or lead < len(data) // 16 or data.count(b"\0\0\0"):
         return None
-    return "utf-16-le" if odd else "utf-16-be"
+    return ("utf-16-be", "utf-16-le")[odd > 0]
 
 
+_CENTRAL: Final = re.compile(rb"[a-z\xe0-\xff][\x9a\x9c-\x9f\xb3\xb9\xbc\xbe\xbf][a-z\xe0-\xff]")
 _SHARE: Final = 0.2  # of the letters that are no ASCII
 _EASTERN: Final = {"cp932": "[\u3041-\u30ff]", "euc-kr": "[\uac00-\ud7a3]", "gb2312": "[\u4e00-\u9fff]"}
 """Code pages with the letters that they are for."""
 
 
 def _page(data: bytes) -> str:
-    """That of the East whose letters all of it has; Windows-1251 where words have Cyrillic letters throughout, else
-    Windows-1252, of which letters stand alone."""
+    """That of the East whose letters all of it has; Windows-1250 where words have signs within that are letters there
+    alone, -1251 where they have Cyrillic letters throughout, else -1252, of which letters stand alone."""
     for page, letters in _EASTERN.items():
         try:
             text = data.decode(page)
@@ -60,9 +61,11 @@ def _page(data: bytes) -> str:
             continue
         if len(expression(letters).findall(text)) > _SHARE * sum(not sign.isascii() for sign in text):
             return page
+    if _CENTRAL.search(data):
+        return "cp1250"
     words = _WORD.findall(data)
     cyrillic = sum(len(re.findall(rb"[\xc0-\xff]", word)) > len(word) // 2 for word in words)
-    return "cp1251" if 2 * cyrillic >= len(words) else "cp1252"
+    return ("cp1252", "cp1251")[2 * cyrillic >= len(words)]
 
 
 _YAML: Final = (".yaml", ".yml")

@@ -33,12 +33,16 @@ _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
 _PROSE: Final = 1 << 16  # characters of sentences
+_TEXT: Final = 1 << 18  # characters of lines
 _HEAD: Final = 4000  # characters in which sentences speak of all
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
 _GOES_ON: Final = frozenset(":-–—")  # marks behind which a text may go on
 _OCTETS: Final = {"char": 1, "8": 1, "16": 2, "32": 4, "64": 8, "float": 4, "double": 8}
 _COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area", "length")
 _KINDS: Final = ("opened", "declared", "bare", "implied", "entry", "called", "indexed", "alone")
+_SIGNS: Final = {"opened": ("{",), "declared": ("//", "/*", "(*", "#", "--"), "bare": ("#",), "called": ("read",),
+                 "indexed": ("[",)}  # fmt: skip
+"""What no line of a form lacks."""
 Parts = Sequence[tuple[str, Sequence[str]]]
 
 
@@ -57,14 +61,15 @@ class _RegisterLine:
 
 def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
     """The registers that lines say, as they stand or, of sentences, each mention on a line of its own."""
-    yield from _line_sheet(text, most)
+    yield from _line_sheet(text[:_TEXT], most, notes_of_cut(len(text) > _TEXT, _TEXT, "characters"))
     running = expression(r"(?<=\S)\n(?=[a-z(])").sub(" ", text[:_PROSE])
     spoken, mentions = expression("{MENTION}").subn(r"\n\1", running)
     if mentions >= _FEW:
-        yield from _line_sheet(expression("{SPOKEN}").sub(r"\n\2: \1", spoken), most)
+        notes = notes_of_cut(len(text) > _PROSE, _PROSE, "characters of sentences")
+        yield from _line_sheet(expression("{SPOKEN}").sub(r"\n\2: \1", spoken), most, notes)
 
 
-def _line_sheet(text: str, most: int) -> Iterator[MapSheet]:
+def _line_sheet(text: str, most: int, notes: tuple[str, ...]) -> Iterator[MapSheet]:
     """The registers that lines say, with the titles between them, as a sheet; none where a line at most does.
 
     Many lines begin with a number: of entries, most must tell more than a name, or none counts.
@@ -85,7 +90,7 @@ def _line_sheet(text: str, most: int) -> Iterator[MapSheet]:
     titles = (_title(line) for line in shown)
     rows = [_cells(line, usual) if line else [title] for line, title in zip(found, titles, strict=True)]
     rows.insert(found.index(lines[0]), list(_COLUMNS))
-    yield MapSheet("", rows, notes=notes_of_cut(len(every) > most, most, "rows"))
+    yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(every) > most, most, "rows")))
 
 
 def _title(line: str) -> str:
@@ -138,7 +143,8 @@ def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
     title = ""
     for line in lines:
         kinds = _KINDS if area_words(form("group_title", title).get("", "")) else _KINDS[:-1]
-        found.append(next(filter(None, (_register(kind, line, before) for kind in kinds)), None))
+        likely = (kind for kind in kinds if any(map(line.__contains__, _SIGNS.get(kind, ("",)))))
+        found.append(next(filter(None, (_register(kind, line, before) for kind in likely)), None))
         before = found[-1] or before
         title = form("comment", line).get("said", title) if found[-1] is None else title
     for one, after in pairwise(filter(None, [*found])):
@@ -276,7 +282,7 @@ def _with_last(part: str) -> list[tuple[int, str]]:
     """A text and the type or the access behind it, where it ends with one: `Line voltage uint16`; where each begins."""
     blanks = [blank.span() for blank in expression(r"\s+").finditer(part)]
     texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
-    name, begin = texts[-1] if texts else ("", 0)
+    name, begin = [("", 0), *texts][-1]
     is_last = form("words", name) and _is_type(part[begin:]) and {*OF_PARTS}.isdisjoint(_headed(name.rstrip(":= ")))
     return [(0, name), (begin, part[begin:])] if is_last else [(0, part)]
 

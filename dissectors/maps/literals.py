@@ -80,9 +80,9 @@ def _fields_in(text: str) -> list[Fields]:
         field = form("field", line[:_LINE])
         if field:
             found[-1][field["name"]] = field["usual"].strip("\"'")
-        elif line.strip() and not line.lstrip().startswith(("//", "#", "--", "/*", "*")):
+        elif line.strip():
             found.append({})
-    return [fields for fields in found if len(fields) >= _FEW]
+    return [*filter(lambda fields: len(fields) >= _FEW, found)]  # of fewer there are too many to try
 
 
 class _BracketGroup:
@@ -94,8 +94,8 @@ class _BracketGroup:
         self.named: dict[str, Any] = {}
         self.name = ""
         self.words: list[Any] = []
-        self.declares = False  # its items end with semicolons
         self.is_quoted = False
+        self.label = ""  # a text which names the group behind it
 
     def read(self, tokens: Iterator[tuple[str, str]], names: list[Fields]) -> Any:
         """Take tokens up to the bracket that closes the group; `names` are those that lists have by what was read."""
@@ -104,13 +104,13 @@ class _BracketGroup:
                 case "close" if self.depth:
                     break
                 case "open" if self.depth < _DEEPEST:
+                    self.name = self.name or self.label
                     self._nested(_BracketGroup(self.depth + 1).read(tokens, names))
                 case "index" if self.depth < _DEEPEST:
                     _BracketGroup(self.depth + 1).read(tokens, [{}])
                 case "names":
-                    self.name, self.words = str(self.words[-1] if self.words else "").lstrip("."), []
+                    self.name, self.words = str(["", *self.words][-1]).lstrip("."), []
                 case "part":
-                    self.declares |= token == ";"
                     self._close()
                 case "comment":
                     names[0] = (
@@ -120,17 +120,19 @@ class _BracketGroup:
                     if isinstance(token, Remark):
                         self._close()
                         self.listed.append(token)
-                case "text":
-                    self.is_quoted = True
-                    self.words.append(token[1:-1])
-                case "word":
-                    self.words.append(token)
+                case "text" | "word":
+                    if self.words and isinstance(self.words[-1], list | dict):
+                        self._close()
+                    self.is_quoted |= kind == "text"
+                    self.label = token[1:-1] * (kind == "text")
+                    self.words.append(token.strip("\"'") if kind == "text" else token)
         self._close()
         return self._whole(names)
 
     def _nested(self, group: Any) -> None:
         """Take in a group; no sign parts those that stand in no other."""
-        self.words = [group]
+        before = [None, *self.words][-1]
+        self.words = [{**before, "": group} if isinstance(before, dict) else group]  # what is said of a group before it
         if not self.depth:
             self._close()
 
@@ -138,32 +140,31 @@ class _BracketGroup:
         """End an item: a group, or the words of which it is."""
         if self.words:
             last = self.words[-1]
-            item = last if isinstance(last, list | dict) or self.declares else " ".join(map(str, self.words))
+            item = last if isinstance(last, list | dict) else " ".join(map(str, self.words))
             if self.name and not self.depth:
                 self.listed.append(_NamedGroup({self.name: item}) if isinstance(item, list | dict) else item)
             elif self.name:
                 self.named[self.name] = item
             else:
                 self.listed.append(item)
-        self.name, self.words = "", []
+        self.name, self.words, self.label = "", [], ""
 
     def _whole(self, names: list[Fields]) -> Any:
         if not self.depth:
             return self.listed
         items = [item for item in self.listed if not isinstance(item, Remark)]
-        own = {} if self.named else _names(items, is_quoted=self.is_quoted)
+        own = _names(items, is_quoted=self.is_quoted)
         names[0] = own or names[0]
         fields = {} if own else next(filter(self._may_have, names), {})
-        usual = {name: cell for name, cell in fields.items() if cell}
         return (
-            {**usual, **dict(zip(fields, items, strict=False)), **self.named} if fields or self.named else self.listed
+            {**fields, **dict(zip(fields, items, strict=False)), **self.named} if fields or self.named else self.listed
         )
 
     def _may_have(self, fields: Fields) -> bool:
         """Whether the items can be these fields: they have their names, are as many, or the last go without saying."""
-        plain = [item for item in self.listed if type(item) is str]  # no group, no remark
         count, most = len(self.listed), len(fields)
-        fewer = count < most and count == len(plain) and (any(fields.values()) if count > 1 else bool(self.named))
+        plain = all(type(item) is str for item in self.listed)  # no group, no remark
+        fewer = plain and count < most and (any(fields.values()) if count > 1 else bool(self.named))
         return self.named.keys() <= fields.keys() and (count == most or fewer)
 
 

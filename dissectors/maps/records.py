@@ -2,19 +2,18 @@
 A sheet is made of them whose headings are the keys, so that columns are found as in any table.
 
 A record is a mapping with plain values; what has no name is named by the key that leads to it, and grouped by what it
-stands in. Records of registers are those that have an address by its name, else the kind that there is most of.
+stands in. Records of registers are those that have an address by its name.
 """
 
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 from .literals import Remark, tree_of_source
-from .roles import WHOLE, heading_bits
+from .roles import AREA_NAMES, WHOLE, heading_bits
 from .sheets import MapSheet, notes_of_cut
 from .vocabulary import expression, form, tidied
 from .written import access_said, area_words, numbers_in
@@ -57,14 +56,12 @@ def _sentences(tree: Any) -> list[str]:
 
 
 def _of_records(records: list[Record], titles: list[list[str]], notes: tuple[str, ...]) -> Iterator[MapSheet]:
-    """A sheet of the records that have an address by its name, else of those that have keys of most."""
+    """A sheet of the records that have an address by its name, of all where such are few."""
     addressed = [record for record in records if _has_address(record)]
-    keys = Counter(tuple(record) for record in records)
-    most = {key for common, _ in keys.most_common(1) for key in common}
-    chosen = addressed if len(addressed) >= _FEW else [one for one in records if 2 * len(most & one.keys()) > len(most)]
+    chosen = addressed if len(addressed) >= _FEW else records
     columns = list(dict.fromkeys(key for record in chosen for key in record))
+    rows = [*titles, columns, *([record.get(key, "") for key in columns] for record in chosen)]
     if len(chosen) >= _FEW:
-        rows = [*titles, columns, *([record.get(key, "") for key in columns] for record in chosen)]
         yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(records) == _MOST, _MOST, "records")))
 
 
@@ -85,6 +82,9 @@ def _has_address(record: Mapping[str, str]) -> bool:
 def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
     """The lists of lists in a tree that are rows of one length."""
     below = parts_of(node)
+    if isinstance(node, Mapping) and all(isinstance(cell, list | str) for cell in below):  # of lists by their names
+        lists = [expression(", *").split(cell) if isinstance(cell, str) else cell for cell in below]
+        yield from _lists_of_rows([[key, *cells] for key, cells in zip(node, lists, strict=True)], _DEPTH)
     widths = {len(row) if isinstance(row, list) else 0 for row in below}
     if len(below) > _FEW and min(widths) > _FEW:
         yield below
@@ -104,7 +104,7 @@ def parts_of(node: Any) -> list[Any]:
 
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """The records in a tree; `path`: the keys that lead to a node; `given`: what holds for all below it."""
-    if isinstance(node, list) and len(path) <= _DEPTH:
+    if isinstance(node, list):
         for below in node:
             if isinstance(below, Remark):
                 given = _with(given, _told(below))
@@ -118,17 +118,16 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
     cells, plain = dict(_cells(node)), {_word(key): "1" for key, value in node.items() if not _is_nested(value)}
     usual = (dict(_cells(part)) for key, part in node.items() if _is_nested(part) and form("of_defaults", str(key)))
     given = {**given, **next(usual, {})}
-    shared = {**given, **{key: cells[key] for key in plain if _is_shared(key)}}
+    areas = {"area": cell for cell in map(cells.__getitem__, plain) if cell.lower() in AREA_NAMES}  # noqa: B035
+    shared = {**given, **areas, **{key: cells[key] for key in plain if _is_shared(key)}}
     below = [
         record
-        for key, part in node.items()
+        for key, part in islice(node.items(), _MOST)
         for record in _found(part, (*path, str(key)), _with(shared, _told(str(key))))
     ]
-    whole = {**_place(path, cells), **_lacking(given, cells), **cells}
-    record = _placed(whole)
-    speaks = len(plain) >= _FEW and any(map(numbers_in, cells.values()))
-    is_record = speaks or _has_address(plain) or record is not whole
-    yield from below if any(map(_has_address, below)) or not is_record else [record]
+    is_record = len(plain) >= _FEW or _has_address(plain)
+    own = [_placed({**_place(path, cells), **_lacking(given, cells), **cells})] * is_record
+    yield from below if any(map(_has_address, below)) else own or below
 
 
 def _is_nested(value: Any) -> bool:

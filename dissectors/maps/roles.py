@@ -16,7 +16,7 @@ from typing import Any, Final
 from unicodedata import category, normalize
 
 from .model import AREA_WORDS
-from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, roles
+from .vocabulary import WIDE_SIGNS, expression, form, given, is_narrow, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
@@ -35,6 +35,7 @@ _LEFT_OUT: Final = (
 )
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
+_LEAST_TOLD: Final = 4  # that tell one without types from a list of prices or alarms
 _LEAST_ROWS: Final = 2  # below it
 _FILLED: Final = 0.9
 _RISING: Final = 0.8
@@ -52,14 +53,15 @@ def heading_bits(text: str, role: str) -> float:
     """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
     if not 0 < len(text) <= _HEADING:
         return 0.0
-    words = _any(role, "words")
-    last = _any(role, "last", "(?:{})$").search(text)
+    narrow = is_narrow(text)
+    words = _any(role, "words", narrow=narrow)
+    last = _any(role, "last", "(?:{})$", narrow=narrow).search(text)
     ends = [mark.start() for mark in expression(r"(?<=\w)(?!\w)").finditer(text)]
     ways = (
         (WHOLE, is_whole(text, role)),
         (_BEGINS, any(words.fullmatch(text, 0, end) for end in ends)),
-        (_MAYBE, _any(role, "maybe").fullmatch(text)),
-        (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
+        (_MAYBE, _any(role, "maybe", narrow=narrow).fullmatch(text)),
+        (_ENDS, _any(role, "ends", "(?:{})$", narrow=narrow).search(text)),
         (_ENDS, last and len(last[0].encode()) >= _LEAST_END),
     )
     return next((bits for bits, found in ways if found), 0.0)
@@ -67,12 +69,13 @@ def heading_bits(text: str, role: str) -> float:
 
 def is_whole(text: str, role: str) -> bool:
     """Whether a heading is of a role by all of it."""
-    return text == role or _any(role, "words").fullmatch(text) is not None
+    return text == role or _any(role, "words", narrow=is_narrow(text)).fullmatch(text) is not None
 
 
 @lru_cache(maxsize=256)
-def _any(role: str, kind: str, where: str = "{}") -> re.Pattern[str]:
-    return expression(where.replace("{}", _unaccented("|".join(roles()[role].get(kind, ())) or r"(?!)")))
+def _any(role: str, kind: str, where: str = "{}", *, narrow: bool) -> re.Pattern[str]:
+    words = "|".join(roles(narrow=narrow)[role].get(kind, ())) or r"(?!)"
+    return expression(where.replace("{}", _unaccented(words)), narrow=narrow)
 
 
 def _unaccented(text: str) -> str:
@@ -114,25 +117,30 @@ class TableColumn:
 
     def _evidence(self, line: Mapping[str, Any]) -> float:
         if not self.cells:
-            return float(min(0, line["no"])) if "filled" in line else 0.0
+            return float(min(0, line["no"]) * ("filled" in line))
         holds = all(_LOOKS[kind](self, line) for kind in _LOOKS.keys() & line.keys())
-        return float(line["yes"] if holds else line["no"])
+        return float(line[("no", "yes")[holds]])
 
     def _share(self, line: Mapping[str, Any], looks: Callable[[str], object]) -> bool:
         return sum(map(bool, map(looks, self.cells))) >= float(line.get("share", 1)) * len(self.cells)
 
+    @cached_property
+    def is_narrow(self) -> bool:
+        """Whether its cells have Latin letters alone."""
+        return all(map(is_narrow, self.cells))
+
     def _like(self, line: Mapping[str, Any]) -> bool:
-        return self._share(line, expression(line["like"]).fullmatch)
+        return self._share(line, expression(line["like"], narrow=self.is_narrow).fullmatch)
 
     def _some(self, line: Mapping[str, Any]) -> bool:
-        return any(map(expression(line["some"]).fullmatch, self.cells))
+        return any(map(expression(line["some"], narrow=self.is_narrow).fullmatch, self.cells))
 
     def _rises(self, _: Mapping[str, Any]) -> bool:
         steps = [after > before for before, after in pairwise(self.numbers)]
         return sum(steps) >= _RISING * len(steps) and 2 * len(self.numbers) > len(self.cells)
 
     def _counts(self, _: Mapping[str, Any]) -> bool:
-        first = self.numbers[0] if self.numbers else 2
+        first = [*self.numbers, 2][0]
         return first < 2 < len(self.cells) and self.numbers == list(range(first, first + len(self.cells)))
 
     def _varies(self, _: Mapping[str, Any]) -> bool:
@@ -149,13 +157,13 @@ class TableColumn:
 
     def _areas(self, line: Mapping[str, Any]) -> bool:
         if not heading_bits(self.heading, "area"):
-            return all(cell.lower() in _AREA_NAMES or meaning("area", cell) for cell in self.cells)
+            return all(cell.lower() in AREA_NAMES or meaning("area", cell) for cell in self.cells)
         return self._share(
             line, lambda cell: form("codes", cell.lower()) or meaning("area", cell) or cell.lower() in AREA_WORDS
         )
 
 
-_AREA_NAMES: Final = frozenset(word for word in AREA_WORDS if not word.isdecimal())
+AREA_NAMES: Final = frozenset(word for word in AREA_WORDS if not word.isdecimal())
 _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = {
     "like": TableColumn._like,
     "some": TableColumn._some,
@@ -243,4 +251,5 @@ def heading_weight(row: Sequence[str], below: Table) -> float:
     """How surely a row of words that nobody knows is a heading, by what stands below it: addresses, names and more; 0
     where it is none."""
     columns, bits = assignment(row, below) if len(below) >= _LEAST_ROWS else ({}, 0.0)
-    return bits if len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0
+    tells = "type" in columns or len(columns) > _LEAST_TOLD
+    return bits if tells and len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0

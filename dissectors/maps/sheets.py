@@ -9,12 +9,13 @@ import re
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise, takewhile
+from itertools import islice, takewhile
 from typing import Any, Final
 
 from .cells import one_line
+from .columns import LEAST_CELLS, cut_at_blanks, parts_of_line
 from .model import MapError, MissingLibraryError
-from .roles import assigned, heading_bits, is_heading, known_headings, may_be_heading, plain_heading
+from .roles import assigned, heading_bits, is_heading, known_headings, plain_heading
 from .table import csv_rows
 from .vocabulary import expression, form, tidied, vocabulary
 
@@ -22,22 +23,17 @@ ZIP: Final = b"PK\x03\x04"
 _CELL: Final = 1000  # characters
 _MOST_COLUMNS: Final = 100  # of a sheet
 _LOOK: Final = 60  # lines that tell how a text is cut
+_TEXT: Final = 1 << 18  # characters of a text without signs between cells
 _START: Final = 20_000  # characters that do
-_LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
 _LEAST_WIDE: Final = 3  # such rows
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
-_WIDE: Final = re.compile(r"[^\s]+(?: [^\s]+)*")  # what gaps part
 _MOST_LINES: Final = 16  # of a heading
-_FILL: Final = "\u2060"  # behind a sign that takes two places
-_TWICE: Final = re.compile("[\u1100-\u11ff\u2e80-\ua4cf\uac00-\ud7a3\uf900-\ufaff\uff00-\uff60]")
-_CROSSED: Final = 0.1  # of the rows may have no blank where columns are parted
-_LEAST_KNOWN: Final = 2  # `_heading_words` of a line that is not the first heading, at least one more
 _UNPACKED: Final = 256 << 20  # bytes of a workbook
 _WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merges and hides cells
 _MERGED: Final = 1 << 17  # cells that may be merged then
 _SPREAD: Final = 1 << 18  # cells of a sheet, empty ones counted
 _UNKNOWN: Final = re.compile(rb"</f>(?:<v\s*/>|<v></v>)?</c>")
-_MERGE: Final = re.compile(rb"<mergeCell [^>]*ref=.([A-Z]{1,3})([0-9]{1,7}):([A-Z]{1,3})([0-9]{1,7})")
+_MERGE: Final = re.compile("<mergeCell [^>]*ref=.([A-Z]{1,3}[0-9]{1,7}:[A-Z]{1,3}[0-9]{1,7})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +56,12 @@ def ways_in(data: bytes, text: str, name: str, most_rows: int) -> Iterator[list[
     if data.startswith(ZIP):
         yield sheets_of(data, name, most_rows)
         return
-    for rows in tables_of_text(text, name, most_rows + 1):
-        wide = notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns")
-        notes = (*notes_of_cut(len(rows) > most_rows, most_rows, "rows"), *wide)
+    for rows, length in tables_of_text(text, name, most_rows + 1):
+        notes = (
+            *notes_of_cut(len(text) > length, length, "characters"),
+            *notes_of_cut(len(rows) > most_rows, most_rows, "rows"),
+            *notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns"),
+        )
         yield [MapSheet("", [row[:_MOST_COLUMNS] for row in rows[:most_rows]], notes=notes)]
 
 
@@ -107,27 +106,19 @@ def _sheet(sheet: Any, most_rows: int, notes: tuple[str, ...], *, merged: bool) 
 
 def _merged_cells(text: bytes) -> int:
     """How many cells a sheet merges."""
+    from openpyxl.utils import range_boundaries
+
     return sum(
-        (_column(right) - _column(left) + 1) * (int(bottom) - int(top) + 1)
-        for left, top, right, bottom in _MERGE.findall(text)
+        (right - left + 1) * (bottom - top + 1)
+        for left, top, right, bottom in map(range_boundaries, _MERGE.findall(text.decode("ascii", "replace")))
     )
 
 
-def _column(letters: bytes) -> int:
-    column = 0
-    for letter in letters:
-        column = 26 * column + letter - 64
-    return column
-
-
 def column_name(column: int) -> str:
-    """A, B ... Z, AA of a column from 0."""
-    name = ""
-    column += 1
-    while column:
-        column, letter = divmod(column - 1, 26)
-        name = chr(65 + letter) + name
-    return name
+    """A, B ... Z, AA of a workbook's column from 0."""
+    from openpyxl.utils import get_column_letter
+
+    return str(get_column_letter(column + 1))
 
 
 def _rows_of(sheet: Any, most_rows: int, *, merged: bool) -> list[list[str]]:
@@ -164,47 +155,32 @@ def _shown_text(cell: object) -> str:
     return str(cell).strip()[:_CELL]
 
 
-def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]:
-    """The rows of a text in each way that may be meant: as its layout has them, or below a rule; else CSV with any sign
-    between cells, and columns that blanks part, as PDFs are copied."""
+def tables_of_text(text: str, file: str, most: int) -> Iterator[tuple[list[list[str]], int]]:
+    """The rows of a text in each way that may be meant, and how many characters of it were read: as its layout has
+    them; else CSV with any sign between cells, and columns that blanks part, as PDFs are copied."""
     text = text.translate(_DRAWN)
     shown = text.splitlines()[:most]
-    lines = [*_below_rules(shown)]
-    if lines and (named := form("separator", lines[0])):  # Excel's own line
-        yield _cut(["", *lines[1:]], named["sign"], file)
+    if shown and (named := form("separator", shown[0])):  # Excel's own line
+        yield _cut(["", *shown[1:]], named["sign"], file), len(text)
         return
-    laid_out = next((one for one in vocabulary()["layouts"] if expression(one["looks"]).search(text[:_START])), None)
-    if laid_out is not None:
-        yield _laid_out(text, laid_out, most)
-        return
-    head = lines[:_LOOK]
-    sign = max("\t;,|" if lines == shown else "|", key="\n".join(head).count)
+    looks = ((one, expression(one["looks"]).search(text)) for one in vocabulary()["layouts"])
+    laid_out, mark = next((found for found in looks if found[1]), (None, None))
+    if laid_out and mark:
+        yield _laid_out(text, laid_out, most), len(text)
+        if mark.start() < _START or text.lstrip().startswith("<"):
+            return
+    start = text[:_TEXT].splitlines()[:most]
+    head = shown[:_LOOK]
+    sign = max("\t;,|", key="\n".join(head).count)
     signed = sum(line.count(sign) > 1 for line in head)
-    wide = sum(len(_parted(line)) >= _LEAST_CELLS for line in head)
-    if wide >= max(_LEAST_WIDE, 2 * signed):
-        yield _cut_at_blanks(lines)
+    wide = sum(len(parts_of_line(line)) >= LEAST_CELLS for line in head)
+    if wide >= max(_LEAST_WIDE, 2 * signed) or any(form("rule_above", line) for line in head):
+        yield [*cut_at_blanks(start)], _TEXT
     if max(wide, signed) < _LEAST_WIDE:
-        yield _cut_at_words(lines)
-        yield [*_cut_at_lines(expression(r"(?<=\S)(?:\n[ \t]*){1,4}\(").sub(" (", text).splitlines()[:most])]
-    yield _cut(lines, sign, file)
-
-
-def _below_rules(lines: Sequence[str]) -> Iterator[str]:
-    """The lines; those above and below a rule with gaps have bars where it has them, where most of these are clear."""
-    edges: list[int] = []
-    for line, after in pairwise([*map(_as_wide, lines), ""]):
-        for rule in (after, line):
-            if form("rule_above", rule):
-                edges = [mark.start() for mark in expression("[=-]+").finditer(rule)]
-        within = [bool(line[at - 1].strip()) for at in edges[1:] if at < len(line)]
-        fits = edges[1:] and line.strip() and 2 * sum(within) < len(edges)
-        spans = zip(edges, [*edges[1:], len(line)], strict=True)
-        yield (" | ".join(line[a:b].strip() for a, b in spans) if fits else line).replace(_FILL, "")
-
-
-def _as_wide(line: str) -> str:
-    """A line as long as it is shown: the signs of the East take two places."""
-    return _TWICE.sub(rf"\g<0>{_FILL}", line)
+        yield _cut_at_words(start), _TEXT
+        joined = expression(r"(?<=\S)(?:\n[ \t]*){1,4}\(").sub(" (", text[:_TEXT])
+        yield [*_cut_at_lines(joined.splitlines()[:most])], _TEXT
+    yield _cut(shown, sign, file), len(text)
 
 
 def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]]:
@@ -242,69 +218,18 @@ def _pass_spanned(shown: list[str], above: dict[int, int]) -> None:
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
     rows = csv_rows(lines, delimiter, file)
-    kind = "cell" if delimiter == "|" else "of no marks"
+    kind = ("of no marks", "cell")[delimiter == "|"]
     return [[tidied(kind, cell)[:_CELL] for cell in row[: _MOST_COLUMNS + 1]] for _, row in rows]
-
-
-def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
-    """Cells that two blanks or more part, or one below a heading where all rows have it; those of a row that leaves
-    some out stand below the nearest columns."""
-    rows: list[list[str]] = []
-    columns: list[int] = []  # where they begin
-    told = least = 0  # what the line before has of a heading, and what the next must have: nothing where none is known
-    lines = [*map(_as_wide, lines)]
-    for number, line in enumerate(lines):
-        found = _parted(line)
-        before, told = told, _heading_words([cell for _, cell in found])
-        if told > max(before, least):
-            columns, least = _below(line, lines[number + 1 : number + _LOOK]), _LEAST_KNOWN
-        if least * len(found) > _LEAST_KNOWN and not any(line[at - 1 : at].strip() for at in columns[1:]):
-            found = [(a, line[a:b].strip().replace(_FILL, "")) for a, b in pairwise([*columns, len(line) + 1])]
-        elif len(found) >= max(len(columns) + least, _LEAST_CELLS):
-            columns, least = [at for at, _ in found], 0
-        row = [""] * max(len(columns), len(found), 1)
-        for i, (at, cell) in enumerate(found):
-            whole = len(found) >= len(columns)
-            place = i if whole else min(range(len(columns)), key=lambda column: abs(columns[column] - at), default=0)
-            row[place] = f"{row[place]} {cell}".strip()
-        rows.append([cell[:_CELL] for cell in row[:_MOST_COLUMNS]])
-    return rows
-
-
-def _heading_words(cells: Sequence[str]) -> int:
-    """One more than the headings that are known among cells which may be some; 0 of others."""
-    return 1 + known_headings(cells) if may_be_heading(cells) else 0
-
-
-def _parted(line: str) -> list[tuple[int, str]]:
-    """The cells of a line that two blanks or more part, and where each begins."""
-    return [(cell.start(), cell[0].replace(_FILL, "")) for cell in islice(_WIDE.finditer(line), _MOST_COLUMNS)]
-
-
-def _below(heading: str, lines: Sequence[str]) -> list[int]:
-    """Where the columns below a heading begin: between two of its words, where nearly all rows have a blank; where
-    nothing stands below a word, it belongs to that before it."""
-    parted = ([cell for _, cell in _parted(line)] for line in lines)
-    table = takewhile(lambda row: not is_heading(row[1]), zip(lines, parted, strict=True))
-    rows = [line for line, cells in table if len(cells) >= _LEAST_CELLS]
-    words = [mark.span() for mark in expression(r"\S+").finditer(heading)]
-    starts = {0}
-    for (first, last), (begin, end) in pairwise(words):
-        wide = range(first + 1, end) if begin > last + 1 else (last,)
-        places = sorted(wide, key=lambda at: abs(begin - 1 - at))
-        clear = (at + 1 for at in places if sum(row[at : at + 1].strip() != "" for row in rows) <= _CROSSED * len(rows))
-        starts.add(next(clear, 0))
-    first, *others = sorted(starts)
-    ends = [*others[1:], None]
-    return [first, *(a for a, b in zip(others, ends, strict=False) if any(row[a:b].strip() for row in rows))]
 
 
 def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
     """Cells that single blanks part, as some PDFs are copied: of a row below a heading of known words, what is over is
     the name's; other lines as they stand."""
     cut = [line.split(maxsplit=_MOST_COLUMNS) for line in lines]
-    head = next((words for words in cut[:_LOOK] if known_headings(words) > _LEAST_CELLS), [])
-    name = assigned(head, ()).get("name", 0)
+    head = max(cut[:_LOOK], key=known_headings, default=[])
+    if known_headings(head) <= LEAST_CELLS:
+        return [[line] for line in lines]
+    name = max(range(len(head)), key=lambda at: heading_bits(plain_heading(head[at]), "name"))
     rows = []
     for line, words in zip(lines, cut, strict=True):
         over = len(words) - len(head)

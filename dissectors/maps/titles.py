@@ -43,7 +43,8 @@ class Titles:
             self.group = _group(title) or self.group
 
     def _take(self, title: str, sentences: Sequence[str]) -> None:
-        area = area_words(title)
+        named = map(area_words, expression("[;.] ").split(title))
+        area = next((one for one in named if one), None)  # the first
         self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
         self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
         told = ((area_words(part), access_said(part)) for part in sentences)
@@ -65,10 +66,14 @@ class Titles:
         return bare | {"description": said.strip()}
 
 
-def footnotes_in(rows: Table) -> dict[str, str]:
+def texts_alone(rows: Table) -> list[str]:
+    """What stands in rows of one cell or two: titles, sentences, footnotes."""
+    return [" ".join(filter(None, row))[:_LONGEST] for row in rows if 0 < sum(map(bool, row)) <= _FEW]
+
+
+def footnotes_in(texts: Sequence[str]) -> dict[str, str]:
     """What footnotes say, by their marks."""
-    alone = (" ".join(filter(None, row)) for row in rows if sum(map(bool, row)) <= _FEW)
-    return {said["mark"]: said["text"] for said in (form("footnote", text[:_LONGEST]) for text in alone) if said}
+    return {said["mark"]: said["text"] for said in (form("footnote", text) for text in texts) if said}
 
 
 def _group(text: str) -> str:

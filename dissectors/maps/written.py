@@ -14,7 +14,7 @@ from typing import Final, cast
 
 from .cells import CellError, area_of
 from .model import MapArea
-from .vocabulary import WIDE_SIGNS, expression, form, meaning, tidied, vocabulary
+from .vocabulary import WIDE_SIGNS, expression, form, is_narrow, meaning, tidied, vocabulary
 
 _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
@@ -49,7 +49,7 @@ class AddressForm:
         if self.is_plain:
             return ""
         every = self.is_logical or (self.is_digital and area in ("coil", "discrete"))
-        return "0134" if every else "34"
+        return ("34", "0134")[every]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,8 @@ class TableAddress:
 
 
 def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
-    """The form of a column: by its heading, and by what all of its cells are."""
+    """The form of a column: by its heading, and by what all of its cells are. Logical numbers begin near the first of
+    their area; what is all far from it (33057) is an address as it stands, unless its heading calls it a number."""
     cells = list(filter(None, map(together, cells)))
     parts = [part for cell in cells for part in _PARTS.split(cell)]
     bare = [part for part in parts if form("bare_hex", part)]
@@ -73,7 +74,8 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     is_hex = is_said or (bool(letters) and len(bare) > 0.8 * len(parts))
     numbers = list(filter(str.isdecimal, parts))
     bits = [int(behind["bit"]) for cell in cells if (behind := form("bit_behind", cell))]
-    is_plain = _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
+    is_near = bool(form("numbered", heading.lower())) or _any_like(r"[34]0?0[0-4]\d\d", numbers)
+    is_plain = (not is_near and _any_like(r"[34]\d{4}", numbers)) or _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
     return AddressForm(
         is_hex,
         is_said,
@@ -98,7 +100,7 @@ def _any_like(pattern: str, texts: Sequence[str]) -> bool:
 def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     """The address in a cell; None where there is none."""
     cell = together(cell)
-    behind = form("bit_behind", cell) if form_of.has_bits else {}
+    behind = form("bit_behind", cell * form_of.has_bits)
     cell, bit = tidied("place", behind.get("place", cell)), behind.get("bit", "")
     if form_of.is_hex:
         cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)
@@ -191,7 +193,7 @@ def area_words(text: str) -> MapArea | None:
 @lru_cache(maxsize=1024)
 def functions_in(text: str) -> Sequence[int]:
     """The functions that a text names and that read or write data."""
-    named = expression(vocabulary()["functions"]).finditer(text)
+    named = expression(vocabulary()["functions"], narrow=is_narrow(text)).finditer(text)
     parts = (part for said in named for part in _NUMBER.findall(said["behind"] or said["before"]))
     return [code for code in map(_whole, parts) if code in _FUNCTIONS]
 
@@ -249,7 +251,8 @@ def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str 
 def _told(at: int, text: str) -> Mapping[str, str]:
     """What a text tells by a line of the table of facts; `rest` is what it says else."""
     line = vocabulary()["facts"][at]
-    match = expression(line["like"]).fullmatch(_put_right(line.get("tidy", ""), text.translate(WIDE_SIGNS)))
+    text = _put_right(line.get("tidy", ""), text.translate(WIDE_SIGNS))
+    match = expression(line["like"], narrow=is_narrow(text)).fullmatch(text)
     if match is None:
         return {}
     parts = {**_NOTHING_TOLD, **match.groupdict(""), **line.get("gives", {})}

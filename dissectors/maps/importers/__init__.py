@@ -21,6 +21,7 @@ from .source import ImportedMap, MapSource
 _OF_PROGRAMS: Final = (
     "sunspec",
     "wirenboard",
+    "zabbix",
     "solarman",
     "homeassistant",
     "esphome",
@@ -81,4 +82,4 @@ def _ways(source: MapSource, candidates: Sequence[str]) -> Iterator[tuple[str, l
         if read is not None:
             yield form.NAME, read
             rows = sum(len(one.chart.rows) for one in read)
-            most = max(most, facts_of_all(read) / rows if rows >= _FEW else 0)
+            most = max(most, facts_of_all(read) * (rows >= _FEW) / max(1, rows))

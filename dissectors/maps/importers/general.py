@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 from typing import Final
 
 from ..cells import COLUMN_NAMES
@@ -52,7 +51,14 @@ def _lines(source: MapSource) -> Charts | None:
 
 def _table(source: MapSource) -> Charts | None:
     """The table, or each sheet that has one; cut in the way that tells most."""
-    return _best(_charts_of(source, sheets) for sheets in _ways(source))
+    try:
+        ways = [*ways_in(source.data, source.text, source.name, _MOST_ROWS)]
+    except MapError:
+        if source.is_workbook:
+            raise
+        return None  # no CSV
+    tables = [one for one in ways if source.is_workbook or any(has_heading(sheet.rows[:HEADING_ROWS]) for sheet in one)]
+    return _best(_charts_of(source, sheets) for sheets in tables)
 
 
 def _charts(source: MapSource, sheets: Iterable[MapSheet]) -> Iterator[Charts]:
@@ -67,21 +73,6 @@ def _best(ways: Iterable[Charts]) -> Charts | None:
 def facts_of_all(charts: Sequence[ImportedMap]) -> int:
     """How much maps tell."""
     return sum(one.facts for one in charts)
-
-
-def _ways(source: MapSource) -> Iterator[list[MapSheet]]:
-    """A workbook as it is; the ways in which a text is a table by how it starts."""
-    ways = ways_in(source.data, source.text, source.name, _MOST_ROWS)
-    if source.is_workbook:
-        yield from ways
-        return
-    try:
-        starts = ways_in(source.data, source.text, source.name, HEADING_ROWS)
-        are_tables = [any(has_heading(one.rows) for one in sheets) for sheets in starts]
-    except MapError:
-        return
-    if any(are_tables):
-        yield from compress(ways, are_tables)
 
 
 def _charts_of(source: MapSource, sheets: Sequence[MapSheet]) -> Charts:

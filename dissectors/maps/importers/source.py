@@ -151,7 +151,8 @@ class MapSource:
     @cached_property
     def ini(self) -> Any:
         """The sections of an INI file, by their names."""
-        parser = configparser.ConfigParser(interpolation=None, strict=False)
+        parser = configparser.RawConfigParser(strict=False)
+        parser.optionxform = str  # type: ignore[assignment, method-assign]
         try:
             parser.read_string(self.text)
         except configparser.Error:

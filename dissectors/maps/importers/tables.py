@@ -11,7 +11,7 @@ from bisect import bisect, bisect_left
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, islice, zip_longest
+from itertools import accumulate, compress, islice, zip_longest
 from typing import Final
 
 from ..cells import CellError, area_and_address
@@ -26,12 +26,11 @@ from ..roles import (
     assignment,
     column_cells,
     heading_bits,
-    known_headings,
     plain_heading,
 )
 from ..sheets import MapSheet, column_name, notes_of_cut
-from ..titles import Titles, footnotes_in
-from ..vocabulary import expression, form, given, meaning
+from ..titles import Titles, footnotes_in, texts_alone
+from ..vocabulary import WIDE_SIGNS, expression, form, given, meaning
 from ..written import (
     AddressForm,
     TableAddress,
@@ -52,16 +51,18 @@ from ..written import (
 )
 from .source import ImportedMap, MapBuilder, MapSource, whole_in
 
+_JOINTS: Final = (" ", "\n")  # before what goes on below: a text, states
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _FEW: Final = 2  # cells of a row that may be a footnote
-_LONGEST: Final = 400  # characters of one
-_MOST_HEADINGS: Final = 200  # of one sheet
+_MOST_HEADINGS: Final = 100  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
 _OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
 _LEAST_NAMES: Final = 3  # that tell whether names end in units
 _LOGICAL: Final = 10_000  # by which logical numbers of areas differ
 _MOST_BLOCKS: Final = 16  # that have the same offsets
 _AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
+_PATIENCE: Final = 2000  # rows that are read whatever comes of them
+_YIELD: Final = 4  # more for each value
 _SCALED: Final = ("raw_low", "raw_high", "scaled_low", "scaled_high")
 Cells = dict[str, str]
 
@@ -79,6 +80,7 @@ class _TableHeading:
     form: AddressForm = field(default_factory=AddressForm)
     addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
     of_functions: bool = False  # areas are the codes of functions
+    of_words: bool = False  # inputs that are registers are called so
     order: str = ""  # what the heading of the orders says of them: that they are of words
     has_units_behind: bool = False  # names end in their units
     has_parts: bool = False  # names have their types behind them
@@ -95,8 +97,12 @@ class _TableRows:
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
-        self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(self.rows))
+        alone = texts_alone(self.rows)
+        self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(alone))
+        self.is_divided = any(form("says_divided", text) for text in alone)  # by what a column calls a factor
         self.heading = _TableHeading()
+        self.alike: dict[tuple[str, ...], list[Sequence[str]]] = {}  # the rows below each heading, wherever it stands
+        self.is_barren = False
         self.above = ""  # the area of the rows above
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
@@ -107,21 +113,32 @@ class _TableRows:
         del headings[_MOST_HEADINGS:-1]
         for row in self.rows[: headings[0]]:
             self._title(row)
+        ends = {first: headings[min(bisect(headings, first + 1), len(headings) - 1)] for first in headings[:-1]}
+        for first, last in ends.items():
+            self.alike.setdefault(tuple(self.rows[first]), []).extend(self.rows[first + 1 : last])
         begin = 0
-        for first in headings[:-1]:
+        for first, last in ends.items():
             if first >= begin:  # else the second row of a heading
-                begin = self._heading(first, headings[min(bisect(headings, first + 1), len(headings) - 1)])
+                begin = self._heading(first, last)
                 rows = self.rows[begin : headings[bisect_left(headings, begin)]]
                 for number, row in self._joined(rows, begin + self.first):
-                    if not self.builder.is_full:
+                    if not (self.builder.is_full or self._is_barren(number)):
                         self._row(row, f"row {number}")
         if self.builder.rows:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
         return self.builder.built() if self.heading.columns else None
 
+    def _is_barren(self, number: int) -> bool:
+        """Whether so many rows gave so few values that this is no table of registers; said once."""
+        is_barren = number > _PATIENCE + _YIELD * (len(self.builder.rows) + len(self.builder.bits))
+        if is_barren and not self.is_barren:
+            self.builder.notes.insert(0, f"only the first {number - 1:,} rows were read, so few of them are registers")
+        self.is_barren |= is_barren
+        return self.is_barren
+
     def _visible(self, sheet: MapSheet) -> Table:
         """The rows without the columns that the sheet hides, where what is left is a table."""
-        rows = [["" if at in sheet.hidden else cell for at, cell in enumerate(row)] for row in sheet.rows]
+        rows = [[cell * (at not in sheet.hidden) for at, cell in enumerate(row)] for row in sheet.rows]
         if not (sheet.hidden and has_heading(rows)):
             return sheet.rows
         names = ", ".join(map(column_name, sorted(sheet.hidden)))
@@ -130,16 +147,22 @@ class _TableRows:
 
     def _heading(self, first: int, last: int) -> int:
         """Take in the heading at a row; where the rows below it begin."""
-        row, begin = self.rows[first], first + 1
+        row, begin, alike = self.rows[first], first + 1, self.alike[tuple(self.rows[first])]
         if begin < last and (joint := self._merged(first, last)):
-            row, begin = joint, first + 2
-        below = of_values(self.rows[begin:last])
+            row, begin, alike = joint, first + 2, [below for below in alike if below != self.rows[begin]]
+        below = of_values(alike)
         columns = assigned(row, below) or assigned(row, ())
         if not columns:
             return begin
+        columns = {"divisor" if role == "scale" and self.is_divided else role: at for role, at in columns.items()}
+        self._take_columns(row, columns, below)
+        return begin
+
+    def _take_columns(self, row: Sequence[str], columns: dict[str, int], below: Table) -> None:
+        """Take in what columns hold, and what is to be said of it."""
         texts = {role: plain_heading(row[at]) for role, at in columns.items()}
-        addresses, names, units, types = (
-            column_cells(below, columns.get(role, len(row))) for role in ("address", "name", "unit", "type")
+        addresses, names, units, types, areas = (
+            column_cells(below, columns.get(role, len(row))) for role in ("address", "name", "unit", "type", "area")
         )
         how = address_form(f"{texts['address']}{self.titles.numbering}", addresses)
         self.heading = _TableHeading(
@@ -147,21 +170,21 @@ class _TableRows:
             replace(how, has_prefixes=how.has_prefixes or self.heading.form.has_prefixes),
             Counter(addresses),
             bool(form("of_functions", texts.get("area", ""))),
+            any(form("of_words", cell) and area_words(cell) == "input" for cell in areas),
             "word order" * ("word" in texts.get("order", "")),
             _have_units_behind(names, units),
             not types and 2 * sum("type" in cells_told(name)[1] for name in names) > len(names),
             _more_addresses(row, below, columns),
         )
-        for holds, note in (
-            ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
-            ("power" in columns, "whole factors, some below 0, were taken for powers of ten"),
-            (how.base > 0, "plain addresses were taken as counted from 1, as a heading says"),
-            (how.is_hex > how.is_said, "addresses were taken for hexadecimal, as some of them have letters"),
-        ):
-            self.builder.notes += [note] * holds
+        doubtful = {
+            _AS_DIVISOR: 0 < heading_bits(texts.get("divisor", "divisor"), "divisor") < WHOLE,
+            "whole factors, some below 0, were taken for powers of ten": "power" in columns,
+            "plain addresses were taken as counted from 1, as a heading says": how.base > 0,
+            "addresses were taken for hexadecimal, as some of them have letters": how.is_hex > how.is_said,
+        }
+        self.builder.notes += compress(doubtful, doubtful.values())
         self.above, self.register = "", None
         self.titles.area = ("area" not in columns and area_words(texts["address"])) or self.titles.area
-        return begin
 
     def _merged(self, first: int, last: int) -> list[str] | None:
         """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
@@ -171,7 +194,7 @@ class _TableRows:
         padded = [*row, *[""] * (width - len(row))]
         above = [*accumulate(padded, _nearest)]  # one cell over several
         pairs = zip(above, padded, second + [""] * (width - len(second)), strict=True)
-        both = [low if known_headings([low]) else f"{top if low else own} {low}".strip() for top, own, low in pairs]
+        both = [f"{top if low else own} {low}".strip() for top, own, low in pairs]
         below = of_values(self.rows[first + 2 : last])
         weights = [assignment(one, below)[1] for one in (row, second, both)]
         tops = {above[at] for at, cell in enumerate(second) if cell}
@@ -193,7 +216,8 @@ class _TableRows:
             else:
                 held.append((number, [row]))
         for number, parts in held:
-            yield number, [" ".join(filter(None, cells)) for cells in zip_longest(*parts, fillvalue="")]
+            texts = [[_JOINTS[has_only_states(cell)] + cell for cell in part] for part in parts[1:]]
+            yield number, ["".join(cells).strip() for cells in zip_longest(parts[0], *texts, fillvalue="")]
 
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
@@ -228,8 +252,7 @@ class _TableRows:
         if form("unused", name):
             self.builder.note(f"{what}: {name}: no value")
             return
-        is_offset = place.startswith("+")
-        blocks = [*islice(self.titles.blocks.items(), _MOST_BLOCKS)] if is_offset else []
+        blocks = [*islice(self.titles.blocks.items(), _MOST_BLOCKS)] * place.startswith("+")
         for title, base in blocks or [("", 0)]:
             prefix = f"{title} " * (len(blocks) > 1)
             moved = (
@@ -267,6 +290,8 @@ class _TableRows:
         """Area and address as `area_and_address` takes them: a logical number (40108, 4x108) names its area itself,
         where the row says nothing else, or the same; where all are logical, whatever titles say."""
         how, own = self.heading.form, area_of_cell(self.above, function=self.heading.of_functions)
+        if self.heading.of_words and own == "input" and not form("of_words", self.above):
+            own = "discrete"
         area = own or self.titles.area
         digits = how.logical_digits(area)
         looks = digits and expression(rf"[{digits}](?!0+$)\d{{4,5}}").fullmatch(position.text)
@@ -277,8 +302,9 @@ class _TableRows:
 
     def _apart(self, cells: Cells) -> Cells:
         """The cells of a row, with what stands behind its name in cells of their own."""
-        if form("says_bits", cells.get("unit", "")):
-            cells = {**cells, "description": f"{cells['unit']} {cells.get('description', '')}".strip(), "unit": ""}
+        kind, *rest = expression(r"[,;](?!\d) ?").split(cells.get("type", "").translate(WIDE_SIGNS), maxsplit=1)
+        if rest and type_of(kind, None) == type_of(cells["type"], None):
+            cells = {**cells, "type": kind, "description": f"{rest[0]}, {cells.get('description', '')}".strip(", ")}
         first, _, more = cells["name"].partition("\n")
         if has_only_states(more):
             return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
@@ -293,11 +319,11 @@ class _TableRows:
         told, left = facts_of(shown, ["untyped"] * (not cells.get("type")))
         told |= scaled_by([cells.get(role, "") for role in _SCALED])
         length = whole_in(cells.get("length")) or _words(cells, position, self.heading.form)
-        kind, length = type_of(_type_said(cells, told["sign"]), length)
+        kind, length = type_of(_type_said(cells, told["sign"] or "signed" * told["low"].startswith("-")), length)
         order = self._order(cells, kind, what)
         bits = bits_of(cells.get("description", ""), kind)
         kind = "bits" if kind in ("u16", "u32") and form("says_bits", cells.get("description", "")) else kind
-        name, states = (left["name"], None) if bits else states_in(left, kind, left["name"])
+        name, states = states_in(left, kind, left["name"])
         accesses = self._accesses(cells, told["access"], register[0])
         self.builder.add(
             *register,
@@ -359,7 +385,7 @@ def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]
         title: at
         for at, title in free.items()
         if row[at].startswith(f"{word} ")
-        and not heading_bits(plain_heading(title), "address")
+        and not heading_bits(plain_heading(title.strip("()[]")), "address")
         and TableColumn("", column_cells(below, at), len(below)).is_of_addresses
     }
     places = [number for at in (columns["address"], *found.values()) for number in _first_numbers(below, at)]
@@ -374,7 +400,7 @@ def _first_numbers(rows: Table, at: int) -> list[int]:
 
 
 def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int], *, is_drawn: bool) -> bool:
-    """Whether texts go on from the row above, which has no cell less: the name in small letters, no bit of it; where
+    """Whether texts go on from the row above, which has no cell less: the name in small letters; where
     lines part all other rows, any name."""
     filled, held = ({at for at, cell in enumerate(cells) if cell} for cells in (row, above))
     name, name_above, place_above = (
@@ -383,8 +409,8 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
     )
     texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
     alone = set() if place_above.endswith(_OPEN) else {0, columns.get("address", 0)} - texts
-    is_lower = f"{name}a"[0].islower() and not form("spoken_bit", name)
-    return any((is_drawn, is_lower, name_above.endswith(","))) and set() < filled <= (texts | held) - alone
+    goes_on = (is_drawn, f"{name}a"[0].islower(), has_only_states(name), name_above.endswith(","))
+    return any(goes_on) and set() < filled <= (texts | held) - alone
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
