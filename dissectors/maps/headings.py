@@ -5,7 +5,7 @@ else the columns themselves tell what they are, as they stand or turned.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import islice, repeat, zip_longest
+from itertools import islice, zip_longest
 from typing import Final
 
 from .roles import Table, assigned, column_cells, heading_weight, is_heading, may_be_heading
@@ -28,10 +28,12 @@ def headed(rows: Table) -> Table:
     if next(headings_in(rows[:HEADING_ROWS]), None) is not None:
         return rows
     width = max(map(len, rows), default=0)
-    columns = assigned([""] * width, of_values(rows[:HEADING_ROWS]))
-    places = column_cells(rows[:HEADING_ROWS], columns.get("address", width))
-    if columns.keys() >= _TOLD and 2 * sum(form("words", cell) != {} for cell in places) < len(places):
-        return [[*map({at: role for role, at in columns.items()}.get, range(width), repeat(""))], *rows]
+    columns = {at: role for role, at in assigned([""] * width, of_values(rows[:HEADING_ROWS])).items()}
+    places = [
+        cell for at, role in columns.items() if role == "address" for cell in column_cells(rows[:HEADING_ROWS], at)
+    ]
+    if set(columns.values()) >= _TOLD and 2 * sum(form("words", cell) != {} for cell in places) < len(places):
+        return [[columns.get(at, "") for at in range(width)], *rows]
     turned = [*map(list, zip_longest(*rows, fillvalue=""))] if len(rows) < _MOST_TURNED else []
     first = next(headings_in(turned), None)
     return turned if first is not None and assigned(turned[first], turned[first + 1 :]).keys() >= _TOLD else rows
@@ -40,7 +42,11 @@ def headed(rows: Table) -> Table:
 def headings_in(rows: Table) -> Iterator[int]:
     """Where rows of headings are: those of known words, or the one that is one most surely by what stands below it."""
     known = [at for at, (row, after) in enumerate(zip_longest(rows, rows[1:])) if row != after and is_heading(row)]
-    looked = ((at, row) for at, row in enumerate(rows[:HEADING_ROWS]) if not known and may_be_heading(row))
+    looked = (
+        (at, row)
+        for at, row in enumerate(rows[:HEADING_ROWS])
+        if not known and may_be_heading(row) and not is_rule(row)
+    )
     tried = ((at, row, of_values(rows[at + 1 : at + HEADING_ROWS])) for at, row in islice(looked, _MOST_TRIED))
     weight, first = max(((heading_weight(row, below), -at) for at, row, below in tried), default=(0.0, 0))
     yield from (at for at, row in enumerate(rows) if row == rows[-first]) if weight else known

@@ -104,7 +104,7 @@ def parts_of(node: Any) -> list[Any]:
 
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """The records in a tree; `path`: the keys that lead to a node; `given`: what holds for all below it."""
-    if isinstance(node, list):
+    if isinstance(node, list) and len(path) <= _DEPTH:
         for below in node:
             if isinstance(below, Remark):
                 given = _with(given, _told(below))
@@ -125,9 +125,11 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
         for key, part in islice(node.items(), _MOST)
         for record in _found(part, (*path, str(key)), _with(shared, _told(str(key))))
     ]
-    is_record = len(plain) >= _FEW or _has_address(plain)
-    own = [_placed({**_place(path, cells), **_lacking(given, cells), **cells})] * is_record
-    yield from below if any(map(_has_address, below)) else own or below
+    whole = {**_place(path, cells), **_lacking(given, cells), **cells}
+    record = _placed(whole)
+    speaks = len(plain) >= _FEW and any(map(numbers_in, cells.values()))
+    is_record = speaks or _has_address(plain) or record is not whole
+    yield from below if any(map(_has_address, below)) or not is_record else [record]
 
 
 def _is_nested(value: Any) -> bool:
