@@ -5,7 +5,7 @@ else the columns themselves tell what they are, as they stand or turned.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import islice, zip_longest
+from itertools import islice, repeat, zip_longest
 from typing import Final
 
 from .roles import Table, assigned, column_cells, heading_weight, is_heading, may_be_heading
@@ -28,12 +28,10 @@ def headed(rows: Table) -> Table:
     if next(headings_in(rows[:HEADING_ROWS]), None) is not None:
         return rows
     width = max(map(len, rows), default=0)
-    columns = {at: role for role, at in assigned([""] * width, of_values(rows[:HEADING_ROWS])).items()}
-    places = [
-        cell for at, role in columns.items() if role == "address" for cell in column_cells(rows[:HEADING_ROWS], at)
-    ]
-    if set(columns.values()) >= _TOLD and 2 * sum(form("words", cell) != {} for cell in places) < len(places):
-        return [[columns.get(at, "") for at in range(width)], *rows]
+    columns = assigned([""] * width, of_values(rows[:HEADING_ROWS]))
+    places = column_cells(rows[:HEADING_ROWS], columns.get("address", width))
+    if columns.keys() >= _TOLD and 2 * sum(form("words", cell) != {} for cell in places) < len(places):
+        return [[*map({at: role for role, at in columns.items()}.get, range(width), repeat(""))], *rows]
     turned = [*map(list, zip_longest(*rows, fillvalue=""))] if len(rows) < _MOST_TURNED else []
     first = next(headings_in(turned), None)
     return turned if first is not None and assigned(turned[first], turned[first + 1 :]).keys() >= _TOLD else rows

@@ -11,7 +11,7 @@ from bisect import bisect, bisect_left
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, islice, zip_longest
+from itertools import accumulate, compress, islice, zip_longest
 from typing import Final
 
 from ..cells import CellError, area_and_address
@@ -177,13 +177,13 @@ class _TableRows:
             not types and 2 * sum("type" in cells_told(name)[1] for name in names) > len(names),
             _more_addresses(row, below, columns),
         )
-        doubtful = (
-            (0 < heading_bits(texts.get("divisor", "divisor"), "divisor") < WHOLE, _AS_DIVISOR),
-            ("power" in columns, "whole factors, some below 0, were taken for powers of ten"),
-            (how.base > 0, "plain addresses were taken as counted from 1, as a heading says"),
-            (how.is_hex > how.is_said, "addresses were taken for hexadecimal, as some of them have letters"),
-        )
-        self.builder.notes += [note for holds, note in doubtful if holds]
+        doubtful = {
+            _AS_DIVISOR: 0 < heading_bits(texts.get("divisor", "divisor"), "divisor") < WHOLE,
+            "whole factors, some below 0, were taken for powers of ten": "power" in columns,
+            "plain addresses were taken as counted from 1, as a heading says": how.base > 0,
+            "addresses were taken for hexadecimal, as some of them have letters": how.is_hex > how.is_said,
+        }
+        self.builder.notes += compress(doubtful, doubtful.values())
         self.above, self.register = "", None
         self.titles.area = ("area" not in columns and area_words(texts["address"])) or self.titles.area
 
