@@ -28,12 +28,14 @@ from .gathered import GATHERED, GatheredRows
 from .ledger import Ledger
 from .leftovers import Left, left_over
 from .registry import Cause, Explained, Suspect, Suspicion, Symptom, suspects, words_of
-from .traits import Traits, traits_of
+from .traits import Traits, sorts_of, traits_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
+_HARDLY: Final = 0.1  # a claim no surer than that explains nothing
+_MOSTLY: Final = 0.6  # of the exchanges that the heaviest explains
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
@@ -87,34 +89,57 @@ def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
         return Story([claim.cause for claim in claims_of(evidence, among)], [])
-    claims, left = _told(evidence, among)
-    return Story([claim.cause for claim in claims], left)
+    claims = [claim for claim in claims_of(evidence, among) if claim.cause.confidence > _HARDLY]
+    taken = frozenset[tuple[Symptom, int | None]]().union(*(claim.struck for claim in claims))
+    return Story([claim.cause for claim in claims], left_over(evidence.without(taken)))
 
 
 def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
-    """The best suspicions, each with what its certainty goes by."""
-    return _told(evidence, among)[0]
-
-
-def _told(evidence: Evidence, among: Sequence[Suspect] | None) -> tuple[list[CauseClaim], list[Left]]:
-    """The best suspicions, one after the other, and what none of them takes."""
+    """The best suspicions, one after the other, each with what its certainty goes by."""
     found, least, left = list[_PickedCause](), THRESHOLD, evidence
     for _ in range(_CAUSES_MOST):
         weighed = weigh(left, among)
         if not weighed or weighed[0].suspicion.bits < least:
             break
-        best = weighed[0]
+        best = _likeliest(left, [each for each in weighed if each.suspicion.bits >= least])
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
-        others = [each for each in weighed if each.suspect is not best.suspect]
-        rivals = [each for each in others if each.suspicion.explains & best.suspicion.explains]
+        rival = _rival(best, weighed)
         takes = struck(left, best.suspect.foretold, best.suspicion) - left.explained
-        found.append(_PickedCause(best, rivals[0] if rivals else None, left, takes))
+        found.append(_PickedCause(best, rival, left, takes))
         left = left.without(takes)
-    rest = left_over(left)
-    exchanges = sum(each.exchanges for each in rest if each.unit is not None)
+    exchanges = sum(each.exchanges for each in left_over(left) if each.unit is not None)
     but_for_others = [evidence.without(_taken(other for other in found if other is not each)) for each in found]
-    claims = [_claim(each, but, exchanges) for each, but in zip(found, but_for_others, strict=True)]
-    return sorted(claims, key=lambda claim: -claim.cause.bits), rest
+    return [_claim(each, but, exchanges) for each, but in zip(found, but_for_others, strict=True)]
+
+
+def _likeliest(evidence: Evidence, weighed: Sequence[Weighed]) -> Weighed:
+    """Of those that explain most of what the heaviest does, the one whose bits, as far as it is sure, are most: bits tell
+    that something is wrong more than what it is."""
+    first = weighed[0].suspicion.explains
+    every = _exchanges(evidence, first)
+    some = [each for each in weighed if _exchanges(evidence, first & each.suspicion.explains) >= _MOSTLY * every]
+    some = [each for each in some if each.suspicion.explains & first]
+    return some[0] if len(some) == 1 else max(some, key=lambda each: _sure_bits(evidence, each, _rival(each, weighed)))
+
+
+def _exchanges(evidence: Evidence, explains: Explained) -> float:
+    """About how many exchanges show what is explained."""
+    units = {number for _, number in explains if number is not None} & evidence.ledger.units.keys()
+    sorts = ((number, sort) for number in units for sort in sorts_of(evidence, evidence.ledger.units[number]))
+    return sum(count for number, (symptom, _, count) in sorts if (symptom, number) in explains)
+
+
+def _rival(one: Weighed, weighed: Sequence[Weighed]) -> Weighed | None:
+    """The heaviest one of another cause that explains some of the same."""
+    others = (each for each in weighed if each.suspect is not one.suspect)
+    return next((each for each in others if each.suspicion.explains & one.suspicion.explains), None)
+
+
+def _sure_bits(evidence: Evidence, one: Weighed, rival: Weighed | None) -> float:
+    found = one.suspicion
+    goes_by = clues(evidence, found, one.suspect.foretold, rival_bits=rival.suspicion.bits if rival else 0.0, left=0)
+    sure = certainty(one.suspect.cause, goes_by, traits_of(evidence, found))
+    return sure * found.bits
 
 
 class _PickedCause(NamedTuple):

@@ -44,7 +44,7 @@ _HALF: Final = 0.5
 _SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is what seems to be its answer damaged
 _HARDLY: Final = 0.25  # of what would be so by chance
 _SCATTERED: Final = 0.03  # of what goes without an answer in a row or alone: alone beside restarts
-_SCATTERED_BITS: Final = 8.0
+_SURE_BITS: Final = 8.0
 
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
@@ -287,20 +287,21 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         inside = sum(each.count for each in spells)
         if _are_second_answers(evidence, unit) or only_repeats(evidence, unit):
             continue
-        if _scattered_bits(evidence, unit) >= _SCATTERED_BITS:
-            continue  # a unit that is down answers nothing meanwhile, and all else well
         once = len(spells) == 1 and spells[0].before is not None
         once = once and (spells[0].count >= _TO_THE_END or spells[0].visits >= _VISITS_ONCE)
         if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
         silences = evidence.silences(unit)
-        runs = len(silences.all) + silences.single + silences.more
         begins = [each.begin for each in spells]
+        in_spells = clustering_bits(silent, unit.asked, len(silences.all) + silences.single + silences.more)
+        in_spells += regularity_bits(begins)
+        if in_spells < _SURE_BITS or _scattered_bits(evidence, unit) >= _SURE_BITS:
+            continue  # by chance as well, or it answers some meanwhile
         lost = cost(evidence, unit, Ending.SILENT)
         timed = evidence.ledger.timed
         yield Suspicion(
             (unit.unit,),
-            silence_bits(silent, unit.asked) + clustering_bits(silent, unit.asked, runs) + regularity_bits(begins),
+            silence_bits(silent, unit.asked) + in_spells,
             frozenset({(Symptom.SILENCE, unit.unit)}),
             {
                 "unit": unit.unit,
