@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bisect import insort
 from dataclasses import dataclass
+from math import log2
 from typing import Final
 
 import numpy as np
@@ -13,6 +13,7 @@ from ..deframing.tap_clock import UNKNOWN
 from .bits import likelihood_bits, strays
 from .evidence import Evidence
 from .exchanges import Ending
+from .ledgerview import kept
 from .repeats import waits_longer
 from .unitledger import UnitLedger
 
@@ -24,6 +25,13 @@ _HURRIED: Final = 5  # answers, each of which would come so by chance once in te
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
 _FAR_SLOWER: Final = 3.0
+_NO_REST_CHARS: Final = 1.5
+_QUICK: Final = 15  # answers by which a client's rests are known
+_BOUNDS: Final = 64  # that are looked at
+_WIDTH: Final = 0.1  # of how far rests stray
+_LEAST_WIDTH_NS: Final = 2e5
+_PLACES: Final = 4000
+_ANY: Final = 0.2  # of a rest that was never seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,41 +42,58 @@ class Slow:
     bound_ns: float = UNKNOWN
 
 
-def hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
-    """Good answers that take long and behind which the next request comes sooner than the master ever pauses: it had
-    given up, and went on by its own timer. `bound_ns`: from the request to the answer's end."""
-    pauses, turns = unit.pauses.numbers, unit.turns.numbers  # of the same answers
-    took = turns - pauses
-    longest = max((poll.about_bytes for poll in evidence.polls_of(unit.unit)), default=0) * evidence.ledger.char_ns
-    others = [other for other in evidence.units if other is not unit]
-    usually = max((other.delays.quantile(0.5) or 0.0 for other in others), default=0.0)
-    if len(took) < 3 * _LEAST:
-        return Slow()
+@kept
+def gave_up_ns(evidence: Evidence) -> float:
+    """The time from a request on after which the client goes on by its timer, answer or none, as slow good answers show it:
+    the next request comes as long behind that time as it else does behind an answer. Infinite where nothing shows it: the
+    same where requests come by a timer anyhow, and quick answers do not move them either."""
+    rows, char_ns, off = evidence.ledger.table.rows, evidence.ledger.char_ns, evidence.verdict.wait_ns
+    good = (rows.outcome == Ending.OK) & (rows.wait >= 0) & (rows.delay >= 0) & (rows.due > 0) & ~rows.next_same
+    took, turns = (rows.delay + rows.due * char_ns)[good], rows.wait[good].astype(np.float64)
+    if len(took) < _QUICK + _HURRIED or not np.isfinite(off):
+        return UNKNOWN
     order = np.argsort(took)
-    took, pauses, turns = took[order], pauses[order], turns[order]
-    elsewhere = [pause for other in others if (pause := other.pauses.quantile(0.1))]
-    first = max(len(took) // 4, int(np.searchsorted(took, longest + _FAR_SLOWER * usually, side="right")))
-    if first > len(took) - _HURRIED:
-        return Slow()
-    usual = np.minimum(_lowest_tenths(pauses), min(elsewhere, default=UNKNOWN))[first - 1 : len(took) - _HURRIED]
-    behind = np.maximum.accumulate(pauses[::-1])[::-1][first : len(took) - _HURRIED + 1]
-    sooner = behind < np.minimum(_SOONER * usual, usual - evidence.verdict.wait_ns)
-    for bound in (first + np.flatnonzero(sooner)).tolist():
-        if strays(turns[bound:]) < _STEADY * strays(took[bound:]):  # by its timer
-            return Slow(round(len(unit.pauses) * (1 - bound / len(took))), float(took[bound]))
-    return Slow()
+    took, turns = took[order], turns[order]
+    low, middle = np.quantile(turns - took, (0.05, 0.5)).tolist()
+    off = max(off, middle - low if low < _NO_REST_CHARS * char_ns else 0.0)  # nobody rests so little: the clock errs
+    best, most = UNKNOWN, _SURE_BITS + log2(_BOUNDS)
+    for first in np.unique(np.linspace(_QUICK, len(took) - _HURRIED, _BOUNDS).astype(int)).tolist():
+        bound = took[first]
+        rests = (turns - took)[:first]
+        usual = took[first // 2]
+        if bound < max(_FAR_SLOWER / 2 * usual, usual + 2 * off) or strays(turns[:first]) < strays(rests) - off:
+            continue
+        rested = _Rests(rests, off)
+        bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
+        if bits > most:
+            best, most = float(bound), bits
+    return best
 
 
-def _lowest_tenths(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The first decile of the first n numbers, for every n from 1 on."""
-    ordered: list[float] = []
-    deciles = np.empty(len(numbers))
-    for n, number in enumerate(numbers.tolist()):
-        insort(ordered, number)
-        low, part = divmod(0.1 * n, 1)
-        low = int(low)
-        deciles[n] = ordered[low] + part * (ordered[min(low + 1, n)] - ordered[low])
-    return deciles
+class _Rests:
+    """How likely rests are (log2), by those seen."""
+
+    def __init__(self, seen: NDArray[np.float64], off: float) -> None:
+        self._width = max(off / 2, _WIDTH * strays(seen), _LEAST_WIDTH_NS)
+        self._least = float(seen.min()) - self._width
+        places = ((seen - self._least) / self._width).astype(np.int64)
+        self._counts = np.convolve(np.bincount(np.minimum(places, _PLACES)), (0.25, 0.5, 0.25), "same")
+        self._every = len(seen)
+
+    def bits(self, rests: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of each."""
+        places = ((rests - self._least) / self._width).astype(np.int64)
+        inside = (places >= 0) & (places < len(self._counts))
+        counts = np.where(inside, self._counts[np.clip(places, 0, len(self._counts) - 1)], 0.0)
+        found: NDArray[np.float64] = np.log2((counts + _ANY) / self._every)
+        return found
+
+
+def given_up_on(evidence: Evidence, unit: UnitLedger) -> Slow:
+    """Good answers of a unit that came when the client had given up. `bound_ns`: from the request to the answer's end."""
+    bound, rows = gave_up_ns(evidence), evidence.rows(unit.unit)
+    late = (rows.outcome == Ending.OK) & (rows.delay >= 0) & (rows.delay + rows.due * evidence.ledger.char_ns >= bound)
+    return Slow(round(int(np.count_nonzero(late)) * evidence.ledger.table.weight), bound)
 
 
 def asked_again_though_slow(evidence: Evidence, unit: UnitLedger) -> Slow:
@@ -136,25 +161,6 @@ def _rate_bits(hits: int, misses: int) -> float:
     return likelihood_bits(hits, hits + misses, (hits + 0.5) / (hits + misses + 1))
 
 
-def went_on_by_timer(evidence: Evidence, unit: UnitLedger) -> int:
-    """Slow answers of a unit behind which the next request comes sooner than it ever does behind those of others.
-
-    A master that has given up sends its next request by its own timeout, whatever comes in between.
-    """
-    others = [other for other in evidence.units if other.unit != unit.unit and len(other.pauses) >= _LEAST]
-    own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
-    usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
-    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
-        return 0
-    if len(delays) < _OTHERS and not _by_timer(unit):
-        return 0  # the one other unit may be the last of a round, behind which the master rests
-    if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
-        return 0
-    timeout = (unit.turns.quantile(0.5) or 0.0) - usual  # as this would tell it
-    return len(unit.pauses) if timeout > max(delays) else 0
-
-
 def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
     """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
     delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
@@ -162,12 +168,3 @@ def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
     slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
     met = unit.behind + unit.count(Ending.GARBAGE)  # a list of one poll repeats it by a timer too, and meets nothing
     return len(unit.redundant) if slow and met >= _LEAST and repeated_by_timer(unit) else 0
-
-
-def _by_timer(unit: UnitLedger) -> bool:
-    """Whether requests behind those to a unit come after always the same time, though its answers do not."""
-    low, high = unit.turns.quantile(0.1), unit.turns.quantile(0.9)
-    soon, late = unit.delays.quantile(0.1), unit.delays.quantile(0.9)
-    if low is None or high is None or soon is None or late is None:
-        return False
-    return high - low < _STEADY * (late - soon)

@@ -15,7 +15,7 @@ from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits, kind_of, untimely
 from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
-from ..givenup import all_repeated, asked_again_though_slow, hurried, repeated_by_timer, went_on_by_timer
+from ..givenup import all_repeated, asked_again_though_slow, given_up_on, repeated_by_timer
 from ..hits import given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import (
@@ -199,7 +199,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     readings = evidence.readings(unit)
     slow = asked_again_though_slow(evidence, unit)
     bound = min(slow.bound_ns, _beyond(evidence, unit)[0])
-    quick, char_ns = hurried(evidence, unit), evidence.ledger.char_ns
+    quick, char_ns = given_up_on(evidence, unit), evidence.ledger.char_ns
     by_timer = timed_by_the_master(evidence, unit)
     late = [
         r
@@ -212,7 +212,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
     behind = asked_again_behind(evidence, unit) + answers_like_requests(evidence, unit)
-    return found + max(slow.count, quick.count, went_on_by_timer(evidence, unit), all_repeated(evidence, unit), behind)
+    return found + max(slow.count, quick.count, all_repeated(evidence, unit), behind)
 
 
 def _own(reading: Signature, unit: UnitLedger) -> bool:
