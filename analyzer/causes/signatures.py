@@ -29,6 +29,7 @@ _LEAST: Final = 4
 _ZEROS: Final = 8  # more is a break, not what a driver or a buffer adds
 LONG: Final = 6  # bytes: noise of so many may have been a request
 _LOST: Final = 2  # bytes of a head
+_NO_CHECK: Final = "00 00"
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
@@ -277,8 +278,8 @@ def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _Signatu
     known = header + usual[len(header) : max(due - 2, 0)]
     if count == due and data.startswith(header[:3]):
         variant = next(matching(data), None)
-        if variant is not None:
-            return _SignatureSums(AnswerDamage.CONVENTION, 2, due - 2, (), variant.name)
+        if variant is not None or not any(data[-2:]):
+            return _SignatureSums(AnswerDamage.CONVENTION, 2, due - 2, (), variant.name if variant else _NO_CHECK)
     for head in range(1, min(len(known), _HEAD_MOST, due - 3) + 1):
         rest = due - head
         if count >= rest and crc16(known[:head] + data[count - rest :]) == 0:
