@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Final
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from .ledger import Ledger
 
 _RTU: Final = "Modbus RTU"
-_FOREIGN: Final = 0.02  # of all bytes
+_FOREIGN: Final = 0.005  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 _FOREIGN_SURE: Final = 10  # rows marked so
 
@@ -53,6 +54,14 @@ def rtu_frames(stretches: Iterable[bytes]) -> int:
     )
 
 
+_TEXT: Final = re.compile(rb"[\t -~]{4,}[\r\n]")
+
+
+def _lines_of_text(data: bytes) -> int:
+    """Lines of text, as modems and programs that start write them."""
+    return len(_TEXT.findall(data))
+
+
 def _counted(name: str) -> Callable[[bytes], int]:
     find = IN_ANY_BYTES[name]
     return lambda data: sum(1 for _ in find(data))
@@ -61,6 +70,7 @@ def _counted(name: str) -> Callable[[bytes], int]:
 PROTOCOLS: Final[Mapping[str, Callable[[bytes], int]]] = {
     **{name: _counted(name) for name in IN_ANY_BYTES if name not in LOOSE},
     "a meter's own protocol with the CRC of Modbus": _serial_number,
+    "text, as modems and programs write it": _lines_of_text,
 }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
+from ..answeredas import lent
 from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits, kind_of, untimely
 from ..evidence import HEALTHY, Evidence, alone_or_together
@@ -193,7 +194,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     """Answers of a unit that came too late, as far as can be told."""
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0
-    found = unit.late + unit.strays
+    found = unit.late + max(unit.strays - lent(evidence, unit), 0)
     if unit.doubles <= 1.2 * evidence.unanswered(unit):
         found += unit.doubles
     readings = evidence.readings(unit)

@@ -9,6 +9,7 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ...tables.transactions import ECHOED
+from ..answeredas import answered_as
 from ..bits import clustering_bits, mean_period_s, regularity_bits, surplus_bits
 from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
@@ -55,6 +56,7 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
         for unit in evidence.units
         if _surely_in_vain(evidence, unit) >= _LEAST_OF_SEVERAL
         and unit.unit not in looked_for
+        and answered_as(evidence, unit.unit) is None
         and (not unit.answered + unit.strays + unit.late or only_repeats(evidence, unit))
         and _answering(evidence, unit) <= max(_STRAYS, evidence.elsewhere(unit)) * unit.asked
     ]

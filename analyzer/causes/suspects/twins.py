@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from ...tables.findings import Severity
+from ..answeredas import lent
 from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits
 from ..evidence import HEALTHY, Evidence
@@ -50,6 +51,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units if evidence.ordered else ():  # of two clocks nobody knows what came behind what
         readings, too_many = evidence.readings(unit), answers_too_many(evidence, unit)
+        too_many = max(too_many - lent(evidence, unit), 0)
         behind = _are_of_others(evidence, _not_next(evidence, unit), len(evidence.followed(unit)))
         if (_are_of_others(evidence, readings, len(readings)) or behind) and not too_many:
             continue  # another unit is still answering when this one is asked
