@@ -32,7 +32,7 @@ _RATES: Final = 4.0  # exchanges that a rate counts as
 _STEADINESS: Final = 8.0  # how much alike a trait of one cause is from bus to bus
 _ANY: Final = 0.02
 _ANYHOW: Final = 0.3  # of what no kind is known by
-_NONE: Final = 0.5  # how likely it is none of these
+_UNSEEN: Final = 0.2  # of the buses with a cause
 _UNIT: Final = 8.0  # bits
 _MOST: Final = 4.0
 _HEAD: Final = 3  # bytes, each a place of its own,
@@ -152,7 +152,7 @@ def _shows(rows: AskedRows, symptom: Symptom) -> Bools:
     return found
 
 
-Shares = Mapping[str, Mapping[str, Histogram]]  # by trait and cause
+Shares = Mapping[str, Mapping[str, Sequence[Histogram]]]  # by trait and cause, of each kind of bus
 
 
 def typical(shares: Shares, none: Mapping[str, Sequence[Histogram]], cause: str, found: Traits) -> dict[str, float]:
@@ -164,15 +164,17 @@ def typical(shares: Shares, none: Mapping[str, Sequence[Histogram]], cause: str,
     }
 
 
-def _typical(shares: Mapping[str, Histogram], none: Sequence[Histogram], cause: str, found: Histogram) -> float:
+def _typical(
+    shares: Mapping[str, Sequence[Histogram]], none: Sequence[Histogram], cause: str, found: Histogram
+) -> float:
     if cause not in shares:
         return 0.0
-    kinds = len(set().union(found, *shares.values(), *none))
-    own = _spread_bits(shares[cause], found, kinds)
-    causes = _mean_bits([_spread_bits(each, found, kinds) for each in shares.values()])
-    anyhow = _dirichlet_bits(dict.fromkeys(found, _ANYHOW), _ANYHOW * kinds, found)
-    no_cause = _mean_bits([anyhow, *(_spread_bits(each, found, kinds) for each in none)])
-    other = _mean_bits([causes + log2(2 - 2 * _NONE), no_cause + log2(2 * _NONE)])
+    sorts = len(set().union(found, *none, *(each for kinds in shares.values() for each in kinds)))
+    anyhow = _dirichlet_bits(dict.fromkeys(found, _ANYHOW), _ANYHOW * sorts, found)
+    bits = {each: _mean_bits([_spread_bits(kind, found, sorts) for kind in kinds]) for each, kinds in shares.items()}
+    own = _mixed_bits(bits[cause], anyhow, _UNSEEN)  # a bus of which nobody has seen the like
+    no_cause = _mean_bits([anyhow, *(_spread_bits(kind, found, sorts) for kind in none)])
+    other = _mixed_bits(_mean_bits(list(bits.values())), no_cause, 0.5)
     return min(max((own - other) / _UNIT, -_MOST), _MOST)
 
 
@@ -182,10 +184,15 @@ def _mean_bits(bits: Sequence[float]) -> float:
     return most + log2(sum(2 ** (each - most) for each in bits) / len(bits))
 
 
-def _spread_bits(shares: Histogram, found: Histogram, kinds: int) -> float:
+def _mixed_bits(one: float, other: float, share: float) -> float:
+    """The same of two, of which the other has that share."""
+    return _mean_bits([one + log2(2 - 2 * share), other + log2(2 * share)])
+
+
+def _spread_bits(shares: Histogram, found: Histogram, sorts: int) -> float:
     """As traits spread from bus to bus: Dirichlet and multinomial."""
     weights = {name: _STEADINESS * shares.get(name, 0.0) + _ANY for name in found}
-    return _dirichlet_bits(weights, _STEADINESS * sum(shares.values()) + _ANY * kinds, found)
+    return _dirichlet_bits(weights, _STEADINESS * sum(shares.values()) + _ANY * sorts, found)
 
 
 def _dirichlet_bits(weights: Histogram, every: float, found: Histogram) -> float:
