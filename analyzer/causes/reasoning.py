@@ -53,7 +53,12 @@ def weigh(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[We
     looked_at = suspects() if among is None else among
     speaking = [each for each in looked_at if may_speak_of(each.cause, line)]
     found = [
-        Weighed(each, replace(suspicion, bits=suspicion.bits - against_bits(evidence, each.foretold, suspicion)))
+        Weighed(
+            each,
+            replace(
+                suspicion, bits=suspicion.bits - suspicion.against - against_bits(evidence, each.foretold, suspicion)
+            ),
+        )
         for each in speaking
         for suspicion in each.judge(evidence)
     ]

@@ -73,6 +73,7 @@ class Suspicion:
     lost_ms: float | None = None
     frames: tuple[int, ...] = ()
     severity: Severity | None = None  # another one than the cause usually has: what may well be meant is a note
+    against: float = 0.0  # bits of what such a cause would not do: it is less sure then, however much else there is
 
 
 Judge = Callable[["Evidence"], Iterable[Suspicion]]

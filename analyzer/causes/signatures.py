@@ -30,6 +30,7 @@ _ZEROS: Final = 8  # more is a break, not what a driver or a buffer adds
 LONG: Final = 6  # bytes: noise of so many may have been a request
 _LOST: Final = 2  # bytes of a head
 _NO_CHECK: Final = "00 00"
+AHEAD: Final = "before"  # what stands beside a good answer stands ahead of it
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
@@ -156,7 +157,7 @@ def _beside_good(sample: Sample, requests: KnownRequests, apart_ns: float) -> Si
         length=sum(len(piece.data) for piece in others),
         marks=sum(piece.marks for piece in sample.pieces if piece.answers),
         t_behind=t,
-        detail="before" if at else "",
+        detail=AHEAD if at else "",
         due=sample.due,
         rested=max(t - sample.pieces[at].t_end, 0) if t >= 0 and sample.pieces else -1,
         heard=b"".join(piece.data for piece in sample.pieces[at + 1 :] if not piece.check) or ahead,

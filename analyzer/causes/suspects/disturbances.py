@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -84,22 +84,30 @@ def _load(evidence: Evidence) -> float:
     return min(max(evidence.load or _LOAD, 0.05), 0.93)
 
 
-def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0) -> tuple[Hits, float]:
+class _Struck(NamedTuple):
+    """What was hit, the weight of that, and of what does not go with it (bits)."""
+
+    hits: Hits
+    bits: float = 0.0
+    against: float = 0.0
+
+
+def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0) -> _Struck:
     """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit;
     `by_time`: bits by which it is told that they come and go, which are part of it."""
     hits = Hits(evidence)
     if not any(unit.answered for unit in evidence.units):
-        return hits, 0.0  # a line on which nothing is ever well is not disturbed
+        return _Struck(hits)  # a line on which nothing is ever well is not disturbed
     if hits.all < _LEAST or (hits.frames < _LEAST and not (sparse and _as_exposed(evidence, hits))):
-        return hits, 0.0
+        return _Struck(hits)
     if (hits.requests < _FEW * hits.damaged and is_one_units(evidence)) or spares_requests(evidence, hits):
-        return hits, 0.0
+        return _Struck(hits)
     if spares_units(evidence):
-        return hits, 0.0
+        return _Struck(hits)
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
     if len(readings) >= _LEAST and share_of(readings, "crossed") > _SENT_INTO:
-        return hits, 0.0  # somebody sends into the answers
+        return _Struck(hits)  # somebody sends into the answers
     if (
         hits.frames < min(_ON_FRAMES, _HALF * (evidence.load or 1)) * hits.all
     ):  # what hardly meets a frame would be on the idle line alone
@@ -108,23 +116,24 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0)
     bits -= surplus_bits(hits.requests, hits.frames, requests_part(evidence))  # nor does it look for who sends
     unlike = apart_bits(evidence) - evenness_bits(evidence) - requests_evenness_bits(evidence)
     if unlike > max(_UNLIKE_BITS, _UNLIKE * bits, _BY_TIME * by_time):
-        return hits, 0.0  # it spares some units: it is not everybody's
-    return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike + by_time
+        return _Struck(hits)  # it spares some units: it is not everybody's
+    return _Struck(hits, bits + by_time, max(-kind_bits(readings, ALIKE), 0.0) + unlike)
 
 
-def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:
+def _suspicion(evidence: Evidence, struck: _Struck, more: Mapping[str, Any], **times: Any) -> Suspicion:
     lost = together(
         (cost_of(evidence, _all_explained(evidence)), *(cost_behind_damage(evidence, unit) for unit in evidence.units))
     )
     frames = examples(evidence.units, Ending.GARBAGE)
     return Suspicion(
         (),
-        bits,
+        struck.bits,
         _all_explained(evidence),
-        {**hits.numbers, **more},
+        {**struck.hits.numbers, **more},
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=frames,
+        against=struck.against,
         **{**span_of_hits(evidence), **times},
     )
 
@@ -150,9 +159,9 @@ _SHARE: Final = (
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of all senders alike."""
-    hits, bits = _anywhere(evidence, sparse=True)
-    if bits > 0:
-        yield _suspicion(evidence, hits, bits, {})
+    struck = _anywhere(evidence, sparse=True)
+    if struck.bits > struck.against:
+        yield _suspicion(evidence, struck, {})
 
 
 @suspect(
@@ -169,8 +178,8 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at one phase of the mains or of its half-waves."""
-    hits, bits = _anywhere(evidence, sparse=True)
-    if bits <= 0 or not evidence.ledger.timed or evidence.verdict.wait_ns > _PHASE_NS:
+    struck = _anywhere(evidence, sparse=True)
+    if struck.bits <= struck.against or not evidence.ledger.timed or evidence.verdict.wait_ns > _PHASE_NS:
         return
     times = _times_of_hits(evidence)
     if len(times) < _LEAST:
@@ -180,7 +189,8 @@ def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
             found = _phases(times.tobytes(), per_wave * (mains - strays), per_wave * (mains + strays))
             if found.bits >= _SURE_BITS:
                 numbers = {"frequency": found.frequency / per_wave, "alike": found.alike}
-                yield _suspicion(evidence, hits, bits + found.bits, numbers, period_s=round(1 / found.frequency, 6))
+                more = struck._replace(bits=struck.bits + found.bits)
+                yield _suspicion(evidence, more, numbers, period_s=round(1 / found.frequency, 6))
 
 
 @lru_cache(maxsize=8)
@@ -222,8 +232,8 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     if state is None or state.bits < _SURE_BITS:
         return
     by_time = max(state.bits, spells_of_hits(evidence)[0]) if _is_told(evidence) else state.bits
-    hits, bits = _anywhere(evidence, sparse=True, by_time=by_time)
-    if bits <= 0:
+    struck = _anywhere(evidence, sparse=True, by_time=by_time)
+    if struck.bits <= struck.against:
         return
     area = {1: "coil", 2: "discrete input", 3: "holding register", 4: "input register"}[state.function]
     numbers = {
@@ -236,7 +246,7 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
         "else_": state.other_hits,
         "else_of": state.other_trials,
     }
-    yield _suspicion(evidence, hits, bits, numbers)
+    yield _suspicion(evidence, struck, numbers)
 
 
 def _is_told(evidence: Evidence) -> bool:
@@ -269,8 +279,8 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
     found, inside = spells_of_hits(evidence)
     if not found or grid.begin_ns is None or _is_told(evidence):
         return
-    hits, bits = _anywhere(evidence, sparse=True, by_time=found)
-    if bits <= 0:
+    struck = _anywhere(evidence, sparse=True, by_time=found)
+    if struck.bits <= struck.against:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
@@ -287,4 +297,4 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
     }
     if len(begins) > 2:
         times["period_s"] = round(float(np.diff(begins).mean()) * grid.width_ns / 1e9, 1)
-    yield _suspicion(evidence, hits, bits, numbers, **times)
+    yield _suspicion(evidence, struck, numbers, **times)

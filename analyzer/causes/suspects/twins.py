@@ -59,8 +59,9 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         bits = _bits(evidence, unit, seen)
         run_into = _run_into(evidence, unit) if seen.doubles >= _LEAST else _answered_again(evidence, unit)
         few = seen.doubles + seen.tails + len(readings) < _LEAST
-        if bits + sum(run_into.values()) > 0 and (run_into or not few):
-            yield _suspicion(evidence, unit, seen, bits, run_into)
+        against = _SHORT_BITS * _shortened(readings)
+        if bits + sum(run_into.values()) > against and (run_into or not few):
+            yield replace(_suspicion(evidence, unit, seen, bits, run_into), against=against)
 
 
 class _SecondShown(NamedTuple):
@@ -99,8 +100,7 @@ def _bits(evidence: Evidence, unit: UnitLedger, seen: _SecondShown) -> float:
         kinds = kind_bits(readings, _MIXED)
         if seen.crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
             kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
-        bits += evidence.surplus(unit) + kinds
-        bits += _BEFORE_BITS * begun_before(evidence, unit) - _SHORT_BITS * _shortened(readings)
+        bits += evidence.surplus(unit) + kinds + _BEFORE_BITS * begun_before(evidence, unit)
     return bits
 
 
