@@ -25,6 +25,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator
 from datetime import UTC, datetime
 from enum import Enum
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -137,16 +138,19 @@ def _of_others(seeds: range, *, told: bool) -> Iterator[Claim]:
         if not known and is_fitted(made.name) == told:
             continue
 
-        def is_so(cause: Cause, kind: OtherKind = kind, units: tuple[int, ...] = made.at_fault) -> bool:
-            return cause.cause in kind.also or (
-                cause.cause in kind.causes and set(cause.units) <= set(units or cause.units)
-            )
+        def is_so(cause: Cause, kind: OtherKind = kind, at_fault: tuple[int, ...] = made.at_fault) -> bool:
+            theirs = not at_fault or set(cause.units) <= set(at_fault)
+            return cause.cause in kind.also or (cause.cause in kind.causes and theirs)
 
         where = made.name, made.seed
         yield from _told(ledger, (), is_so, where, Sort.KNOWN if known else Sort.NAMELESS)
         if kind.causes:
-            near = {each for cause in kind.causes for each in NEAREST.get(cause, ())} | set(kind.also)
-            yield from _told(ledger, kind.causes, lambda cause, near=near: cause.cause in near, where, Sort.HIDDEN)
+            near = [*kind.also, *(each for cause in kind.causes for each in NEAREST.get(cause, ()))]
+            yield from _told(ledger, kind.causes, partial(_is_among, near), where, Sort.HIDDEN)
+
+
+def _is_among(names: Collection[str], cause: Cause) -> bool:
+    return cause.cause in names
 
 
 def _of_bench(seeds: range) -> Iterator[Claim]:
@@ -163,7 +167,7 @@ def _of_bench(seeds: range) -> Iterator[Claim]:
 
         yield from _told(ledger, (), is_so, where, Sort.KNOWN)
         if mine:
-            yield from _told(ledger, mine, lambda _: False, where, Sort.HIDDEN)
+            yield from _told(ledger, mine, partial(_is_among, ()), where, Sort.HIDDEN)
 
 
 def _ledger(line: LineSettings, chunks: list[Chunk]) -> Ledger:

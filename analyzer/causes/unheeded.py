@@ -136,7 +136,7 @@ def _again(rows: AskedRows, good: Bools, far: Bools, off: float) -> Bools:
         if rows.function[mine[0]] <= _OF_READS and again.any() and not _is_in_step(rows.time[mine], again[:-1], off):
             lost[mine] = again & good[mine]
             bits += _by_turns_bits(again)
-            rested += np.count_nonzero(again & far[mine]) >= _LEAST
+            rested += bool(np.count_nonzero(again & far[mine]) >= _LEAST)
     found = rested > 1 or (bits <= 0 and np.count_nonzero(lost) >= 2 * _LEAST)
     return lost if found else np.zeros_like(lost)
 

@@ -268,9 +268,7 @@ def _impatient_by_size(site: OtherSite) -> Iterable[OtherDevice]:
 def _two_clients(site: OtherSite) -> Iterable[OtherDevice]:
     random, first = site.random, site.client
     polls = [
-        OtherPoll(
-            unit.number, read(3, random.choice((0, 200, 700)), random.choice((2, 4, 10))), random.choice((1, 2, 3))
-        )
+        OtherPoll(unit.number, read(3, random.choice((0, 200, 700)), random.choice((2, 4, 10))), random.uniform(1, 3))
         for unit in site.some(1)
     ]
     other = OtherClient(polls, True, random.uniform(100, 600) * MS, 0.1, 0.0, first.timeout_ns, 0)
@@ -639,8 +637,12 @@ def _few_errors(site: OtherSite) -> Iterable[OtherDevice]:
 def _scanned(site: OtherSite) -> Iterable[OtherDevice]:
     spare = cycle(number for number in range(1, 80) if number not in site.line.devices)
     scan = OtherPoll(0, read(3, 0, 1), 5)
-    scan.pdu = lambda _: scan.__setattr__("unit", next(spare)) or read(3, 0, 1)  # another one the next time
-    scan.unit = next(spare)
+
+    def another(_: float) -> bytes:
+        scan.unit = next(spare)  # the next time
+        return read(3, 0, 1)
+
+    scan.pdu, scan.unit = another, next(spare)
     site.client.polls.append(scan)
     site.client.retries = site.client.skips = 0
     return []
