@@ -56,6 +56,7 @@ from captures.line import LineSettings
 _TURNS = 5
 _SHORT = 160  # rows
 _LOOKED_AT = 3
+_QUICK = 4  # seeds of lines that are made byte by byte, for each of those made bit by bit
 _BENCH = 250, 3  # requests of a line, and lines of each fault
 _STRUCK = 4
 _NO_WORD = 0.33  # of all claims: those about faults without a word, half of them with a word that is hidden
@@ -118,8 +119,9 @@ def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> It
                     yield from _claims(made, ledger, names)
                     if not told:
                         yield from _struck(made, ledger)
-    yield from _of_others(seeds, told=told)
-    yield from _of_bench(seeds)
+    more = range(seeds.start, seeds.start + _QUICK * len(seeds))
+    yield from _of_others(more, told=told)
+    yield from _of_bench(more)
     for name, case in nameless_cases().items():
         for tap in (tap for tap in (taps[:1] if name in DRAWN else taps) if tap in case.taps):
             for seed in seeds if is_fitted(name) != told else ():
