@@ -54,6 +54,7 @@ def rtu_frames(stretches: Iterable[bytes]) -> int:
     )
 
 
+_IN_WORDS: Final = "text, as modems and programs write it"
 _TEXT: Final = re.compile(rb"[\t -~]{4,}[\r\n]")
 
 
@@ -70,7 +71,7 @@ def _counted(name: str) -> Callable[[bytes], int]:
 PROTOCOLS: Final[Mapping[str, Callable[[bytes], int]]] = {
     **{name: _counted(name) for name in IN_ANY_BYTES if name not in LOOSE},
     "a meter's own protocol with the CRC of Modbus": _serial_number,
-    "text, as modems and programs write it": _lines_of_text,
+    _IN_WORDS: _lines_of_text,
 }
 
 
@@ -84,7 +85,7 @@ def foreign_frames(ledger: Ledger, *, in_ascii: bool) -> tuple[str, int]:
     if ledger.noise_bytes <= _FOREIGN * ledger.bytes and sure < _FOREIGN_SURE:
         return "", 0  # so little may be anything
     data = b"".join(octets for _, _, octets in ledger.noise)
-    among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in UNCHECKED)}
+    among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in (*UNCHECKED, _IN_WORDS))}
     frames = Counter({name: count(data) for name, count in among.items()})
     if in_ascii:
         frames[_RTU] = rtu_frames(octets for _, _, octets in ledger.noise)

@@ -25,7 +25,7 @@ _HURRIED: Final = 5  # answers, each of which would come so by chance once in te
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
 _FAR_SLOWER: Final = 3.0
-_NO_REST_CHARS: Final = 1.5
+_FAR: Final = 3.0  # times what quick answers stray, by the clock's doing too
 _QUICK: Final = 15  # answers by which a client's rests are known
 _BOUNDS: Final = 64  # that are looked at
 _WIDTH: Final = 0.1  # of how far rests stray
@@ -54,16 +54,14 @@ def gave_up_ns(evidence: Evidence) -> float:
         return UNKNOWN
     order = np.argsort(took)
     took, turns = took[order], turns[order]
-    low, middle = np.quantile(turns - took, (0.05, 0.5)).tolist()
-    off = max(off, middle - low if low < _NO_REST_CHARS * char_ns else 0.0)  # nobody rests so little: the clock errs
     best, most = UNKNOWN, _SURE_BITS + log2(_BOUNDS)
     for first in np.unique(np.linspace(_QUICK, len(took) - _HURRIED, _BOUNDS).astype(int)).tolist():
         bound = took[first]
         rests = (turns - took)[:first]
-        usual = took[first // 2]
-        if bound < max(_FAR_SLOWER / 2 * usual, usual + 2 * off) or strays(turns[:first]) < strays(rests) - off:
+        usual, spread = float(took[first // 2]), float(took[first // 2] - took[first // 20])
+        if bound < usual + _FAR * max(off, spread, usual / 4) or strays(turns[:first]) < strays(rests) - off:
             continue
-        rested = _Rests(rests, off)
+        rested = _Rests(rests, max(off, spread))
         bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
         if bits > most:
             best, most = float(bound), bits

@@ -6,7 +6,7 @@ any line; where it is more, the contrast that wins says what it is like. That is
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -100,6 +100,8 @@ def left_over(evidence: Evidence) -> list[Left]:
     looked_for = scanned(evidence)
     units = [unit for unit in evidence.units if unit.unit not in looked_for]
     found = [left for unit in units for left in _of_unit(evidence, unit)]
+    told = {left.unit for left in found}
+    found += _of_several(evidence, [unit for unit in units if unit.unit not in told])
     more = (*_not_taken(evidence), *_unasked(evidence), *_twice(evidence), *_of_bus(evidence))
     return sorted([*found, *more], key=lambda left: -left.exchanges)
 
@@ -116,6 +118,17 @@ def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
         if more + best.bits >= _SURE_BITS and not _is_fact(evidence, unit, symptom, best):
             numbers = {"exchanges": count, "asked": of, "code": _codes(evidence, unit)}
             yield Left(unit.unit, count, _said(symptom.value, numbers) + _like(evidence, unit, symptom, best))
+
+
+def _of_several(evidence: Evidence, units: Sequence[UnitLedger]) -> Iterator[Left]:
+    """Of units of each of which too little is left to be told, together."""
+    for symptom in (Symptom.DAMAGE, Symptom.SILENCE):
+        mine = [unit for unit in units if evidence.is_open(symptom, unit.unit)]
+        count, asked = (
+            sum(each) for each in zip((0, 0), *(_counts(evidence, unit)[symptom] for unit in mine), strict=True)
+        )
+        if count >= _LEAST and surplus_bits(min(count, asked), asked, _BACKGROUND[symptom]) >= _SURE_BITS:
+            yield Left(None, count, _said(symptom.value, {"exchanges": count, "asked": asked}))
 
 
 def _not_taken(evidence: Evidence) -> Iterator[Left]:

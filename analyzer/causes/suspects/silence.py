@@ -280,7 +280,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to "
     "interference",
-    foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES}),
+    foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES - {"unit-before"}}),
 )
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence in spells, or in one long one, good answers before and behind."""
