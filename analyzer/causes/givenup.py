@@ -56,15 +56,15 @@ def gave_up_ns(evidence: Evidence) -> float:
     took, turns = took[order], turns[order]
     best, most = UNKNOWN, _SURE_BITS + log2(_BOUNDS)
     for first in np.unique(np.linspace(_QUICK, len(took) - _HURRIED, _BOUNDS).astype(int)).tolist():
-        bound = took[first]
         rests = (turns - took)[:first]
+        bound = min(took[first], float(np.median(turns[first:]) - np.median(rests)))
         usual, spread = float(took[first // 2]), float(took[first // 2] - took[first // 20])
         if bound < usual + _FAR * max(off, spread, usual / 4) or strays(turns[:first]) < strays(rests) - off:
             continue
         rested = _Rests(rests, max(off, spread))
         bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
         if bits > most:
-            best, most = float(bound), bits
+            best, most = bound, bits
     return best
 
 

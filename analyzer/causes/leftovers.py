@@ -162,13 +162,13 @@ def _twice(evidence: Evidence) -> Iterator[Left]:
 
 def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int, int]]:
     """How many exchanges show each symptom, of how many."""
-    late = unit.late + unit.unfit
+    late, doubles = unit.late + unit.unfit, max(unit.doubles - lent(evidence, unit), 0)
     return {
         Symptom.SILENCE: (evidence.silent(unit), unit.asked),
         Symptom.DAMAGE: (evidence.damaged(unit), unit.asked),
         Symptom.REFUSAL: (unit.count(Ending.EXCEPTION), max(unit.answered, 1)),
         Symptom.LATENESS: (late, max(unit.asked, late)),
-        Symptom.DOUBLES: (unit.doubles, max(unit.asked, unit.doubles)),
+        Symptom.DOUBLES: (doubles, max(unit.asked, doubles)),
         Symptom.BEHIND: (round(evidence.behind(unit, *_BESIDES)), max(unit.answered, 1)),
     }
 

@@ -172,8 +172,8 @@ _FEW: Final = 8
 CUT: Final = "the last byte is missing"
 
 
-def _flaws(data: bytes) -> Iterator[str]:
-    """What is wrong with each of the requests that stand in these bytes, right but for one thing."""
+def _flaws(data: bytes) -> Iterator[tuple[str, int]]:
+    """What is wrong with each of the requests that stand in these bytes, right but for one thing, and how long it is."""
     at = 0
     while at < len(data) - _BODY:
         length = pdu_length(data[at + 1 :], Role.REQUEST) if data[at] and data[at + 1] in _ASKS else None
@@ -184,10 +184,10 @@ def _flaws(data: bytes) -> Iterator[str]:
             variant = next(matching(body + tail), None) if len(tail) == 2 else None
             if variant is not None:
                 at = end + 2
-                yield variant.name
+                yield variant.name, len(body) + 2
             elif len(body) == _BODY and tail[:1] == crc_bytes(body)[:1]:
                 at = end + 1
-                yield CUT
+                yield CUT, len(body) + 1
 
 
 @suspect(
@@ -209,9 +209,9 @@ def request_flaw(evidence: Evidence) -> Iterator[Suspicion]:
     if not alone:
         looked_at = [each.heard for unit in evidence.units for each in evidence.followed(unit)]
     size = sum(map(len, looked_at))
-    found = Counter(flaw for data in looked_at for flaw in _flaws(data) if alone or flaw != CUT)
-    for flaw, count in found.most_common(1):
-        if count < _FEW or count * (_BODY + 1) < _TILED * size:
+    flaws = [each for data in looked_at for each in _flaws(data) if alone or each[0] != CUT]
+    for flaw, count in Counter(flaw for flaw, _ in flaws).most_common(1):
+        if count < _FEW or sum(length for each, length in flaws if each == flaw) < _TILED * size:
             return
         bits = (_CUT_BITS if flaw == CUT else _CONVENTION_BITS) * count
         bits *= max((ledger.bytes - ledger.right_bytes) / size, 1.0)

@@ -74,7 +74,7 @@ class _SecondShown(NamedTuple):
 
 
 def _seen(evidence: Evidence, unit: UnitLedger, too_many: int) -> _SecondShown:
-    doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
+    doubles = max(unit.doubles - lent(evidence, unit), 0) if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
     doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
     doubles += max(evidence.begun[unit.unit] - unit.count(Ending.SILENT, Ending.GARBAGE), 0)
     crossed, readings = round(evidence.behind(unit, Behind.REQUEST, Behind.NOISE)), evidence.readings(unit)
