@@ -25,6 +25,7 @@ _FOREIGN_SURE: Final = 10  # rows marked so
 
 _LENGTHS: Final = (7, 8, 9, 10, 11, 14, 22)  # bytes of a meter's frames
 _SHORTEST: Final = _LENGTHS[0]
+_MOSTLY: Final = 0.5
 _SHARE: Final = 0.05  # of the bytes, at the least
 _READS: Final = (1, 2, 3, 4)
 _MODBUS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17, 22, 23, 43)
@@ -59,8 +60,9 @@ _TEXT: Final = re.compile(rb"[\t -~]{4,}[\r\n]")
 
 
 def _lines_of_text(data: bytes) -> int:
-    """Lines of text, as modems and programs that start write them."""
-    return len(_TEXT.findall(data))
+    """Lines of text, as modems and programs that start write them, where most of it is text."""
+    lines = _TEXT.findall(data)
+    return len(lines) if sum(map(len, lines)) > _MOSTLY * len(data) else 0
 
 
 def _counted(name: str) -> Callable[[bytes], int]:
