@@ -31,6 +31,7 @@ _BOUNDS: Final = 64  # that are looked at
 _WIDTH: Final = 0.1  # of how far rests stray
 _LEAST_WIDTH_NS: Final = 2e5
 _PLACES: Final = 4000
+_EACH: Final = 0.5  # bits, of each slow answer
 _ANY: Final = 0.2  # of a rest that was never seen
 
 
@@ -57,14 +58,14 @@ def gave_up_ns(evidence: Evidence) -> float:
     best, most = UNKNOWN, _SURE_BITS + log2(_BOUNDS)
     for first in np.unique(np.linspace(_QUICK, len(took) - _HURRIED, _BOUNDS).astype(int)).tolist():
         rests = (turns - took)[:first]
-        bound = min(took[first], float(np.median(turns[first:]) - np.median(rests)))
-        usual, spread = float(took[first // 2]), float(took[first // 2] - took[first // 20])
-        if bound < usual + _FAR * max(off, spread, usual / 4) or strays(turns[:first]) < strays(rests) - off:
+        rested, usual = _Rests(rests, off), float(took[first // 2])
+        far = usual + _FAR * max(off, usual - float(took[first // 20]), usual / 4)
+        if strays(turns[:first]) < strays(rests) - off:
             continue
-        rested = _Rests(rests, max(off, spread))
-        bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
-        if bits > most:
-            best, most = bound, bits
+        for bound in {float(took[first]), min(float(np.median(turns[first:]) - np.median(rests)), float(took[first]))}:
+            bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
+            if bound > far and bits > max(most, _EACH * len(turns[first:])):
+                best, most = bound, bits
     return best
 
 

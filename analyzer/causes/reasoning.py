@@ -124,7 +124,13 @@ def _likeliest(evidence: Evidence, weighed: Sequence[Weighed]) -> Weighed:
     every = _exchanges(evidence, first)
     some = [each for each in weighed if _exchanges(evidence, first & each.suspicion.explains) >= _MOSTLY * every]
     some = [each for each in some if each.suspicion.explains & first]
-    return some[0] if len(some) == 1 else max(some, key=lambda each: _sure_bits(evidence, each, _rival(each, weighed)))
+    sure = {each.suspect.cause: _certainty(evidence, each, _rival(each, weighed)) for each in some[::-1]}
+    return max(
+        some,
+        key=lambda each: (
+            each.suspicion.bits * max(sure[each.suspect.cause], sure.get(each.suspect.foretold.kind_of, 0.0))
+        ),
+    )
 
 
 def _exchanges(evidence: Evidence, explains: Explained) -> float:
@@ -140,11 +146,10 @@ def _rival(one: Weighed, weighed: Sequence[Weighed]) -> Weighed | None:
     return next((each for each in others if each.suspicion.explains & one.suspicion.explains), None)
 
 
-def _sure_bits(evidence: Evidence, one: Weighed, rival: Weighed | None) -> float:
-    found = one.suspicion
-    goes_by = clues(evidence, found, one.suspect.foretold, rival_bits=rival.suspicion.bits if rival else 0.0, left=0)
-    sure = certainty(one.suspect.cause, goes_by, traits_of(evidence, found))
-    return sure * found.bits
+def _certainty(evidence: Evidence, one: Weighed, rival: Weighed | None) -> float:
+    rival_bits = rival.suspicion.bits if rival else 0.0
+    goes_by = clues(evidence, one.suspicion, one.suspect.foretold, rival_bits=rival_bits, left=0)
+    return certainty(one.suspect.cause, goes_by, traits_of(evidence, one.suspicion))
 
 
 class _PickedCause(NamedTuple):

@@ -82,10 +82,12 @@ Judge = Callable[["Evidence"], Iterable[Suspicion]]
 @dataclass(frozen=True, slots=True)
 class Foretold:
     """What a cause makes likely: of a symptom, the sorts of things that it may hang on (`analyzer.causes.contrasts`; a
-    symptom that is not named may hang on anything), and whether the client loses what is damaged."""
+    symptom that is not named may hang on anything), and whether the client loses what is damaged. `kind_of`: the cause
+    that it is a special case of, and then it is no less sure than that one."""
 
     hangs_on: Mapping[Symptom, frozenset[str]] = field(default_factory=dict)
     client_loses: bool = False
+    kind_of: str = ""
 
 
 COMES_AND_GOES: Final = frozenset(("spells", "since", "unit-before", "outcome-before"))  # contrasts of time

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -51,6 +52,7 @@ _SWITCHES: Final = 4  # of it, at the least; and a spell, at most
 _AS_WELL: Final = 0.7
 _SURE_BITS: Final = 14.0  # that a phase or a state must add
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
+_OF_INTERFERENCE: Final = replace(OF_A_LINE, kind_of="interference")
 _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be known
 
 
@@ -174,7 +176,7 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from "
     "power "
     "cables, earth the shield, use an isolated converter",
-    foretold=OF_A_LINE,
+    foretold=_OF_INTERFERENCE,
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at one phase of the mains or of its half-waves."""
@@ -224,7 +226,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     remedy="Route the bus cable away from the motor cable of this drive; earth that cable's shield at both ends, fit a "
     "filter "
     "or a ferrite at its output",
-    foretold=OF_A_LINE,
+    foretold=_OF_INTERFERENCE,
 )
 def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage that goes with a value on the bus."""
@@ -271,7 +273,7 @@ def _is_told(evidence: Evidence) -> bool:
     deciding_test="Ask what runs in the plant at these times, and record over a week",
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its "
     "cables",
-    foretold=OF_A_LINE,
+    foretold=_OF_INTERFERENCE,
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage in spells that nothing on the bus tells; that a line floats does not come and go."""
