@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Final
@@ -56,12 +55,14 @@ def rtu_frames(stretches: Iterable[bytes]) -> int:
 
 
 _IN_WORDS: Final = "text, as modems and programs write it"
-_TEXT: Final = re.compile(rb"[\t -~]{4,}[\r\n]")
+_WORD: Final = 4  # characters
 
 
 def _lines_of_text(data: bytes) -> int:
     """Lines of text, as modems and programs that start write them, where most of it is text."""
-    lines = _TEXT.findall(data)
+    lines = [
+        line for line in data.splitlines() if len(line) >= _WORD and line.isascii() and line.decode().isprintable()
+    ]
     return len(lines) if sum(map(len, lines)) > _MOSTLY * len(data) else 0
 
 
