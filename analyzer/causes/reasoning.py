@@ -34,7 +34,8 @@ THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
-_HARDLY: Final = 0.1  # a claim no surer than that explains nothing
+_HARDLY: Final = 0.06  # a claim no surer than that explains nothing
+_LIKELIER_THAN_NOT: Final = 0.5
 _MOSTLY: Final = 0.6  # of the exchanges that the heaviest explains
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
@@ -118,19 +119,17 @@ def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> lis
 
 
 def _likeliest(evidence: Evidence, weighed: Sequence[Weighed]) -> Weighed:
-    """Of those that explain most of what the heaviest does, the one whose bits, as far as it is sure, are most: bits tell
-    that something is wrong more than what it is."""
+    """The heaviest; where it is likelier not so, of those that explain most of what it does the one whose bits, as far as it
+    is sure, are most: bits tell that something is wrong more than what it is."""
     first = weighed[0].suspicion.explains
     every = _exchanges(evidence, first)
     some = [each for each in weighed if _exchanges(evidence, first & each.suspicion.explains) >= _MOSTLY * every]
     some = [each for each in some if each.suspicion.explains & first]
-    sure = {each.suspect.cause: _certainty(evidence, each, _rival(each, weighed)) for each in some[::-1]}
-    return max(
-        some,
-        key=lambda each: (
-            each.suspicion.bits * max(sure[each.suspect.cause], sure.get(each.suspect.foretold.kind_of, 0.0))
-        ),
-    )
+    own = {each.suspect.cause: _certainty(evidence, each, _rival(each, weighed)) for each in some[::-1]}
+    sure = {each.suspect: max(own[each.suspect.cause], own.get(each.suspect.foretold.kind_of, 0.0)) for each in some}
+    if sure[some[0].suspect] >= _LIKELIER_THAN_NOT:
+        return some[0]
+    return max(some, key=lambda each: each.suspicion.bits * sure[each.suspect])
 
 
 def _exchanges(evidence: Evidence, explains: Explained) -> float:

@@ -300,7 +300,12 @@ def _sent_back(evidence: Evidence) -> Iterator[Suspicion]:
     off, counts = evidence.verdict.wait_ns, dict[int, int]()
     for unit in evidence.units if evidence.ordered and off < AT_ONCE_NS else ():
         rows = evidence.rows(unit.unit)
-        first = (rows.outcome == Ending.SILENT) & rows.next_same & (rows.wait <= AT_ONCE_NS + off)
+        first = (
+            (rows.outcome == Ending.SILENT)
+            & rows.next_same
+            & (rows.wait <= AT_ONCE_NS + off)
+            & (rows.late + rows.heard == 0)
+        )
         answered = np.isin(rows.number, rows.number[first] + 1) & (rows.outcome <= Ending.EXCEPTION)
         if np.count_nonzero(answered) >= max(_FEW, _NEARLY_ALL * np.count_nonzero(rows.outcome <= Ending.EXCEPTION)):
             counts[unit.unit] = round(np.count_nonzero(answered) * evidence.ledger.table.weight)
