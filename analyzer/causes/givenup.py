@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..deframing.tap_clock import UNKNOWN
+from ..tables.transactions import ECHOED
 from .bits import likelihood_bits, strays
 from .evidence import Evidence
 from .exchanges import Ending
@@ -50,18 +51,19 @@ def gave_up_ns(evidence: Evidence) -> float:
     same where requests come by a timer anyhow, and quick answers do not move them either."""
     rows, char_ns, off = evidence.ledger.table.rows, evidence.ledger.char_ns, evidence.verdict.wait_ns
     good = (rows.outcome == Ending.OK) & (rows.wait >= 0) & (rows.delay >= 0) & (rows.due > 0) & ~rows.next_same
+    good &= ~ECHOED[rows.function]  # what reads like an answer to a write may be the next request
     took, turns = (rows.delay + rows.due * char_ns)[good], rows.wait[good].astype(np.float64)
     if len(took) < _QUICK + _HURRIED or not np.isfinite(off):
         return UNKNOWN
     order = np.argsort(took)
-    took, turns = took[order], turns[order]
+    took, turns, delays = took[order], turns[order], rows.delay[good][order]
     best, most = UNKNOWN, _SURE_BITS + log2(_BOUNDS)
     for first in np.unique(np.linspace(_QUICK, len(took) - _HURRIED, _BOUNDS).astype(int)).tolist():
         rests = (turns - took)[:first]
         rested, usual = _Rests(rests, off), float(took[first // 2])
         far = usual + _FAR * max(off, usual - float(took[first // 20]), usual / 4)
-        if strays(turns[:first]) < strays(rests) - off:
-            continue
+        if strays(turns[:first]) < strays(rests) - off or np.median(delays[first:]) < 2 * np.median(delays[:first]):
+            continue  # what is longer is not slow
         for bound in {float(took[first]), min(float(np.median(turns[first:]) - np.median(rests)), float(took[first]))}:
             bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
             if bound > far and bits > max(most, _EACH * len(turns[first:])):
@@ -91,7 +93,12 @@ class _Rests:
 def given_up_on(evidence: Evidence, unit: UnitLedger) -> Slow:
     """Good answers of a unit that came when the client had given up. `bound_ns`: from the request to the answer's end."""
     bound, rows = gave_up_ns(evidence), evidence.rows(unit.unit)
-    late = (rows.outcome == Ending.OK) & (rows.delay >= 0) & (rows.delay + rows.due * evidence.ledger.char_ns >= bound)
+    late = (
+        (rows.outcome == Ending.OK)
+        & (rows.delay >= 0)
+        & ~ECHOED[rows.function]
+        & (rows.delay + rows.due * evidence.ledger.char_ns >= bound)
+    )
     return Slow(round(int(np.count_nonzero(late)) * evidence.ledger.table.weight), bound)
 
 

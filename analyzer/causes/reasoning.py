@@ -121,14 +121,15 @@ def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> lis
 def _likeliest(evidence: Evidence, weighed: Sequence[Weighed]) -> Weighed:
     """The heaviest; where it is likelier not so, of those that explain most of what it does the one whose bits, as far as it
     is sure, are most: bits tell that something is wrong more than what it is."""
-    first = weighed[0].suspicion.explains
-    every = _exchanges(evidence, first)
-    some = [each for each in weighed if _exchanges(evidence, first & each.suspicion.explains) >= _MOSTLY * every]
-    some = [each for each in some if each.suspicion.explains & first]
+    takes = weighed[0].suspicion.explains
+    every = _exchanges(evidence, takes)
+    some = [each for each in weighed if _exchanges(evidence, takes & each.suspicion.explains) >= _MOSTLY * every]
+    some = [each for each in some if each.suspicion.explains & takes]
     own = {each.suspect.cause: _certainty(evidence, each, _rival(each, weighed)) for each in some[::-1]}
     sure = {each.suspect: max(own[each.suspect.cause], own.get(each.suspect.foretold.kind_of, 0.0)) for each in some}
-    if sure[some[0].suspect] >= _LIKELIER_THAN_NOT:
-        return some[0]
+    first = some[0]
+    if sure[first.suspect] >= _LIKELIER_THAN_NOT:
+        return first
     return max(some, key=lambda each: each.suspicion.bits * sure[each.suspect])
 
 
