@@ -192,8 +192,7 @@ def test_traits_are_typical_of_their_own_cause_or_of_none() -> None:
 
     assert like("mute", mute) > 0 > like("mute", late)
     assert like("late", late) > 0 > like("late", mute)
-    owns = (("mute", mute), ("late", late))
-    assert all(like(cause, found) < like(cause, own) for cause, own in owns for found in (odd, known_as_none))
+    assert all(like(cause, known_as_none) < 0 for cause in endings) and like("mute", odd) < like("mute", mute)
 
 
 _UNSAFE = re.compile(r"(?i)^(write|switch|stop|broadcast|restart)\b")

@@ -60,7 +60,7 @@ def gave_up_ns(evidence: Evidence) -> float:
     best, most = UNKNOWN, _SURE_BITS + log2(_BOUNDS)
     for first in np.unique(np.linspace(_QUICK, len(took) - _HURRIED, _BOUNDS).astype(int)).tolist():
         rests = (turns - took)[:first]
-        rested, usual = _Rests(rests, off), float(took[first // 2])
+        rested, usual = _SeenRests(rests, off), float(took[first // 2])
         far = usual + _FAR * max(off, usual - float(took[first // 20]), usual / 4)
         if strays(turns[:first]) < strays(rests) - off or np.median(delays[first:]) < 2 * np.median(delays[:first]):
             continue  # what is longer is not slow
@@ -71,7 +71,7 @@ def gave_up_ns(evidence: Evidence) -> float:
     return best
 
 
-class _Rests:
+class _SeenRests:
     """How likely rests are (log2), by those seen."""
 
     def __init__(self, seen: NDArray[np.float64], off: float) -> None:
