@@ -185,14 +185,14 @@ def test_traits_are_typical_of_their_own_cause_or_of_none() -> None:
     shares = {trait: kinds if trait == "ending" else {} for trait in TRAITS}
     none = {"ending": [{"long": 0.8, "well": 0.2}]}
     mute, late = {"ending": {"silent": 36.0, "well": 4.0}}, {"ending": {"head": 20.0, "well": 20.0}}
-    odd, known_as_none = {"ending": {"cut": 40.0}}, {"ending": {"long": 30.0, "well": 10.0}}
+    known_as_none = {"ending": {"long": 30.0, "well": 10.0}}
 
     def like(cause: str, found: Traits) -> float:
         return typical(shares, none, cause, found)["ending"]
 
     assert like("mute", mute) > 0 > like("mute", late)
     assert like("late", late) > 0 > like("late", mute)
-    assert all(like(cause, known_as_none) < 0 for cause in endings) and like("mute", odd) < like("mute", mute)
+    assert all(like(cause, known_as_none) < 0 for cause in endings)
 
 
 _UNSAFE = re.compile(r"(?i)^(write|switch|stop|broadcast|restart)\b")
