@@ -22,9 +22,10 @@ import json
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from datetime import UTC, datetime
 from enum import Enum
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -32,26 +33,34 @@ from zlib import crc32
 
 import numpy as np
 from heard_cases import HELD_OUT, HeardCase, heard
-from nameless import fitted, nameless_cases
+from nameless import is_fitted, nameless_cases
 from nameless_drawn import DRAWN
 from numpy.typing import NDArray
+from otherhand.kinds import OtherKind, every
+from rtubench.adapters.rtuscope_cli import CAUSES
+from rtubench.made import faults
 from score_causes import BINS, NEAREST, Bin, is_right
 
 import analyzer.causes
 from analyzer.causes.certainty import Clues, certainty
 from analyzer.causes.evidence import Evidence
-from analyzer.causes.ledger import Ledger
+from analyzer.causes.ledger import Ledger, ledger_of
 from analyzer.causes.reasoning import CauseClaim, claims_of
-from analyzer.causes.registry import suspects
+from analyzer.causes.registry import Cause, suspects
 from analyzer.causes.traits import TRAITS, Traits, typical
+from analyzer.core import analyse
 from analyzer.simulation.field.cases.registry import field_cases
+from captures.chunks import Capture, Chunk
+from captures.line import LineSettings
 
 _TURNS = 5
 _SHORT = 160  # rows
 _LOOKED_AT = 3
+_QUICK = 4  # seeds of lines that are made byte by byte, for each of those made bit by bit
+_BENCH = 250, 3  # requests of a line, and lines of each fault
 _STRUCK = 4
 _NO_WORD = 0.33  # of all claims: those about faults without a word, half of them with a word that is hidden
-_RIDGE = 0.05
+_RIDGE = 1.0
 _CAUSE_RIDGE = 2.0  # a cause of its own is fitted only as far as its claims carry it
 _OTHER = -0.5  # the weight of a cause that is not among those fitted
 _LEAST = 0.005  # of a trait: what is rarer is not written down
@@ -110,14 +119,71 @@ def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> It
                     yield from _claims(made, ledger, names)
                     if not told:
                         yield from _struck(made, ledger)
+    more = range(seeds.start, seeds.start + _QUICK * len(seeds))
+    yield from _of_others(more, told=told)
+    yield from _of_bench(more)
     for name, case in nameless_cases().items():
         for tap in (tap for tap in (taps[:1] if name in DRAWN else taps) if tap in case.taps):
-            for seed in seeds if (name not in fitted()) == told else ():
+            for seed in seeds if is_fitted(name) != told else ():
                 made = heard(case, tap, seed)
                 for claim in claims_of(Evidence(made.ledger()))[:_LOOKED_AT]:
                     if claim.cause.severity != "note":
                         true = claim.cause.cause in made.expected.also
                         yield Claim.of(claim, made, right=true, sort=Sort.NAMELESS)
+
+
+def _of_others(seeds: range, *, told: bool) -> Iterator[Claim]:
+    """Of buses of another hand; with the causes that name the fault, and without these."""
+    for made in every(seeds):
+        kind, ledger = made.kind, _ledger(made.line, made.chunks)
+        known = bool(kind.causes) or kind.healthy
+        if not known and is_fitted(made.name) == told:
+            continue
+
+        def is_so(cause: Cause, kind: OtherKind = kind, at_fault: tuple[int, ...] = made.at_fault) -> bool:
+            theirs = not at_fault or set(cause.units) <= set(at_fault)
+            return cause.cause in kind.also or (cause.cause in kind.causes and theirs)
+
+        where = made.name, made.seed
+        yield from _told(ledger, (), is_so, where, Sort.KNOWN if known else Sort.NAMELESS)
+        if kind.causes:
+            near = [*kind.also, *(each for cause in kind.causes for each in NEAREST.get(cause, ()))]
+            yield from _told(ledger, kind.causes, partial(_is_among, near), where, Sort.HIDDEN)
+
+
+def _is_among(names: Collection[str], cause: Cause) -> bool:
+    return cause.cause in names
+
+
+def _of_bench(seeds: range) -> Iterator[Claim]:
+    """Of the lines of RTUBench, likewise."""
+    for item in (item for seed in seeds for item in faults.items(seed, *_BENCH)):
+        line = LineSettings(item.baud, item.char_bits, tap=item.tap)
+        ledger = _ledger(line, [Chunk(t_ns or 0, data) for t_ns, data in item.inputs["reads"]])
+        words, units = item.truth["causes"], set(item.truth["units"])
+        mine = [cause for cause, word in CAUSES.items() if word in words]
+        where = f"rtubench {item.name.rpartition('-')[0]}", crc32(item.name.encode())
+
+        def is_so(cause: Cause, mine: list[str] = mine, units: set[int] = units) -> bool:
+            return cause.cause in mine and set(cause.units) <= (units or set(cause.units))
+
+        yield from _told(ledger, (), is_so, where, Sort.KNOWN)
+        if mine:
+            yield from _told(ledger, mine, partial(_is_among, ()), where, Sort.HIDDEN)
+
+
+def _ledger(line: LineSettings, chunks: list[Chunk]) -> Ledger:
+    capture = Capture.of(line, chunks)
+    return ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
+
+
+def _told(
+    ledger: Ledger, hidden: Collection[str], is_so: Callable[[Cause], bool], where: tuple[str, int], sort: Sort
+) -> Iterator[Claim]:
+    among = [suspect for suspect in suspects() if suspect.cause not in hidden]
+    for each in claims_of(Evidence(ledger), among)[:_LOOKED_AT]:
+        if each.cause.severity != "note":
+            yield Claim(each.cause.cause, each.clues, each.traits, is_so(each.cause), *where, sort)
 
 
 def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim]:
@@ -164,10 +230,14 @@ def spread_of(found: list[Claim], trait: str) -> Spread:
     return {value: round(n / every, 3) for value, n in sorted(sums.items()) if n > _LEAST * every}
 
 
-def shares_of(found: list[Claim]) -> dict[str, dict[str, Spread]]:
-    """Of right claims, by trait and cause."""
-    right = [claim for claim in found if claim.right and claim.sort is Sort.KNOWN]
-    return _by_trait(right, lambda claim: claim.cause)
+def shares_of(found: list[Claim]) -> dict[str, dict[str, list[Spread]]]:
+    """Of right claims, by trait and cause, of each case."""
+    shares: dict[str, dict[str, list[Spread]]] = {trait: defaultdict(list) for trait in TRAITS}
+    for cause in sorted({claim.cause for claim in found}):
+        right = [claim for claim in found if claim.right and claim.sort is Sort.KNOWN and claim.cause == cause]
+        for trait, kinds in _by_trait(right, lambda claim: claim.case).items():
+            shares[trait][cause] += kinds.values()
+    return {trait: {cause: kinds for cause, kinds in causes.items() if kinds} for trait, causes in shares.items()}
 
 
 def none_of(found: list[Claim]) -> dict[str, list[Spread]]:

@@ -201,17 +201,18 @@ def test_certainty_is_never_beyond_what_was_seen(cause: str, numbers: tuple[floa
 
 def test_traits_are_typical_of_their_own_cause_or_of_none() -> None:
     endings = {"mute": {"silent": 0.9, "well": 0.1}, "late": {"head": 0.5, "well": 0.5}}
-    shares = {trait: endings if trait == "ending" else {} for trait in TRAITS}
+    kinds = {cause: [each] for cause, each in endings.items()}
+    shares = {trait: kinds if trait == "ending" else {} for trait in TRAITS}
     none = {"ending": [{"long": 0.8, "well": 0.2}]}
     mute, late = {"ending": {"silent": 36.0, "well": 4.0}}, {"ending": {"head": 20.0, "well": 20.0}}
-    odd, known_as_none = {"ending": {"cut": 40.0}}, {"ending": {"long": 30.0, "well": 10.0}}
+    known_as_none = {"ending": {"long": 30.0, "well": 10.0}}
 
     def like(cause: str, found: Traits) -> float:
         return typical(shares, none, cause, found)["ending"]
 
     assert like("mute", mute) > 0 > like("mute", late)
     assert like("late", late) > 0 > like("late", mute)
-    assert all(like(cause, found) < 0 for cause in endings for found in (odd, known_as_none))
+    assert all(like(cause, known_as_none) < 0 for cause in endings)
 
 
 _UNSAFE = re.compile(r"(?i)^(write|switch|stop|broadcast|restart)\b")

@@ -34,7 +34,7 @@ class Clues(NamedTuple):
 
     margin: float  # share of its bits that the next best cause has not
     own: float  # log2 of the bits that are for this cause, and not just for that something is wrong
-    unforetold: float  # log2 of the bits of contrasts that such a cause does not make
+    unforetold: float  # log2 of the bits of contrasts, and of all else, that such a cause does not make
     left: float  # log2 of the exchanges that went wrong and that neither this cause nor another takes
 
 
@@ -43,7 +43,7 @@ def clues(evidence: Evidence, found: Suspicion, foretold: Foretold, *, rival_bit
     return Clues(
         max(found.bits - max(rival_bits, _FEW_BITS), 0.0) / max(found.bits, 1.0),
         log2(1 + max(found.bits - _plain(evidence, found), 0.0)),
-        log2(1 + unforetold_bits(evidence, foretold, found)),
+        log2(1 + unforetold_bits(evidence, foretold, found) + found.against),
         log2(1 + left),
     )
 

@@ -92,7 +92,9 @@ class Evidence(LedgerView):
 
     @cached_property
     def _begins(self) -> frozenset[bytes]:
-        return frozenset(bytes((poll.unit, poll.function | error)) for poll in self.polls for error in (0, EXCEPTION))
+        return frozenset(
+            bytes((poll.unit, poll.function | error)) for poll in self.polls if poll.unit for error in (0, EXCEPTION)
+        )
 
     def followed(self, unit: UnitLedger) -> list[Signature]:
         """Samples of good answers with something behind them, read."""

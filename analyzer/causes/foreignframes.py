@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     from .ledger import Ledger
 
 _RTU: Final = "Modbus RTU"
-_FOREIGN: Final = 0.02  # of all bytes
+_FOREIGN: Final = 0.005  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 _FOREIGN_SURE: Final = 10  # rows marked so
 
 _LENGTHS: Final = (7, 8, 9, 10, 11, 14, 22)  # bytes of a meter's frames
 _SHORTEST: Final = _LENGTHS[0]
+_MOSTLY: Final = 0.5
 _SHARE: Final = 0.05  # of the bytes, at the least
 _READS: Final = (1, 2, 3, 4)
 _MODBUS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17, 22, 23, 43)
@@ -53,6 +54,18 @@ def rtu_frames(stretches: Iterable[bytes]) -> int:
     )
 
 
+_IN_WORDS: Final = "text, as modems and programs write it"
+_WORD: Final = 4  # characters
+
+
+def _lines_of_text(data: bytes) -> int:
+    """Lines of text, as modems and programs that start write them, where most of it is text."""
+    lines = [
+        line for line in data.splitlines() if len(line) >= _WORD and line.isascii() and line.decode().isprintable()
+    ]
+    return len(lines) if sum(map(len, lines)) > _MOSTLY * len(data) else 0
+
+
 def _counted(name: str) -> Callable[[bytes], int]:
     find = IN_ANY_BYTES[name]
     return lambda data: sum(1 for _ in find(data))
@@ -61,6 +74,7 @@ def _counted(name: str) -> Callable[[bytes], int]:
 PROTOCOLS: Final[Mapping[str, Callable[[bytes], int]]] = {
     **{name: _counted(name) for name in IN_ANY_BYTES if name not in LOOSE},
     "a meter's own protocol with the CRC of Modbus": _serial_number,
+    _IN_WORDS: _lines_of_text,
 }
 
 
@@ -74,7 +88,7 @@ def foreign_frames(ledger: Ledger, *, in_ascii: bool) -> tuple[str, int]:
     if ledger.noise_bytes <= _FOREIGN * ledger.bytes and sure < _FOREIGN_SURE:
         return "", 0  # so little may be anything
     data = b"".join(octets for _, _, octets in ledger.noise)
-    among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in UNCHECKED)}
+    among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in (*UNCHECKED, _IN_WORDS))}
     frames = Counter({name: count(data) for name, count in among.items()})
     if in_ascii:
         frames[_RTU] = rtu_frames(octets for _, _, octets in ledger.noise)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from bisect import insort
 from collections import Counter
 from dataclasses import dataclass
+from math import log2
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..deframing.tap_clock import UNKNOWN
+from ..tables.transactions import ECHOED
 from .bits import likelihood_bits, strays
 from .evidence import Evidence
 from .exchanges import Ending
+from .ledgerview import kept
 from .repeats import waits_longer
 from .unitledger import UnitLedger
 
@@ -25,6 +27,14 @@ _HURRIED: Final = 5  # answers, each of which would come so by chance once in te
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
 _FAR_SLOWER: Final = 3.0
+_FAR: Final = 3.0  # times what quick answers stray, by the clock's doing too
+_QUICK: Final = 15  # answers by which a client's rests are known
+_BOUNDS: Final = 64  # that are looked at
+_WIDTH: Final = 0.1  # of how far rests stray
+_LEAST_WIDTH_NS: Final = 2e5
+_PLACES: Final = 4000
+_EACH: Final = 0.5  # bits, of each slow answer
+_ANY: Final = 0.2  # of a rest that was never seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,41 +45,62 @@ class Slow:
     bound_ns: float = UNKNOWN
 
 
-def hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
-    """Good answers that take long and behind which the next request comes sooner than the master ever pauses: it had
-    given up, and went on by its own timer. `bound_ns`: from the request to the answer's end."""
-    pauses, turns = unit.pauses.numbers, unit.turns.numbers  # of the same answers
-    took = turns - pauses
-    longest = max((poll.about_bytes for poll in evidence.polls_of(unit.unit)), default=0) * evidence.ledger.char_ns
-    others = [other for other in evidence.units if other is not unit]
-    usually = max((other.delays.quantile(0.5) or 0.0 for other in others), default=0.0)
-    if len(took) < 3 * _LEAST:
-        return Slow()
+@kept
+def gave_up_ns(evidence: Evidence) -> float:
+    """The time from a request on after which the client goes on by its timer, answer or none, as slow good answers show it:
+    the next request comes as long behind that time as it else does behind an answer. Infinite where nothing shows it: the
+    same where requests come by a timer anyhow, and quick answers do not move them either."""
+    rows, char_ns, off = evidence.ledger.table.rows, evidence.ledger.char_ns, evidence.verdict.wait_ns
+    good = (rows.outcome == Ending.OK) & (rows.wait >= 0) & (rows.delay >= 0) & (rows.due > 0) & ~rows.next_same
+    good &= ~ECHOED[rows.function]  # what reads like an answer to a write may be the next request
+    took, turns = (rows.delay + rows.due * char_ns)[good], rows.wait[good].astype(np.float64)
+    if len(took) < _QUICK + _HURRIED or not np.isfinite(off):
+        return UNKNOWN
     order = np.argsort(took)
-    took, pauses, turns = took[order], pauses[order], turns[order]
-    elsewhere = [pause for other in others if (pause := other.pauses.quantile(0.1))]
-    first = max(len(took) // 4, int(np.searchsorted(took, longest + _FAR_SLOWER * usually, side="right")))
-    if first > len(took) - _HURRIED:
-        return Slow()
-    usual = np.minimum(_lowest_tenths(pauses), min(elsewhere, default=UNKNOWN))[first - 1 : len(took) - _HURRIED]
-    behind = np.maximum.accumulate(pauses[::-1])[::-1][first : len(took) - _HURRIED + 1]
-    sooner = behind < np.minimum(_SOONER * usual, usual - evidence.verdict.wait_ns)
-    for bound in (first + np.flatnonzero(sooner)).tolist():
-        if strays(turns[bound:]) < _STEADY * strays(took[bound:]):  # by its timer
-            return Slow(round(len(unit.pauses) * (1 - bound / len(took))), float(took[bound]))
-    return Slow()
+    took, turns, delays = took[order], turns[order], rows.delay[good][order]
+    best, most = UNKNOWN, _SURE_BITS + log2(_BOUNDS)
+    for first in np.unique(np.linspace(_QUICK, len(took) - _HURRIED, _BOUNDS).astype(int)).tolist():
+        rests = (turns - took)[:first]
+        rested, usual = _SeenRests(rests, off), float(took[first // 2])
+        far = usual + _FAR * max(off, usual - float(took[first // 20]), usual / 4)
+        if strays(turns[:first]) < strays(rests) - off or np.median(delays[first:]) < 2 * np.median(delays[:first]):
+            continue  # what is longer is not slow
+        for bound in {float(took[first]), min(float(np.median(turns[first:]) - np.median(rests)), float(took[first]))}:
+            bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
+            if bound > far and bits > max(most, _EACH * len(turns[first:])):
+                best, most = bound, bits
+    return best
 
 
-def _lowest_tenths(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The first decile of the first n numbers, for every n from 1 on."""
-    ordered: list[float] = []
-    deciles = np.empty(len(numbers))
-    for n, number in enumerate(numbers.tolist()):
-        insort(ordered, number)
-        low, part = divmod(0.1 * n, 1)
-        low = int(low)
-        deciles[n] = ordered[low] + part * (ordered[min(low + 1, n)] - ordered[low])
-    return deciles
+class _SeenRests:
+    """How likely rests are (log2), by those seen."""
+
+    def __init__(self, seen: NDArray[np.float64], off: float) -> None:
+        self._width = max(off / 2, _WIDTH * strays(seen), _LEAST_WIDTH_NS)
+        self._least = float(seen.min()) - self._width
+        places = ((seen - self._least) / self._width).astype(np.int64)
+        self._counts = np.convolve(np.bincount(np.minimum(places, _PLACES)), (0.25, 0.5, 0.25), "same")
+        self._every = len(seen)
+
+    def bits(self, rests: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of each."""
+        places = ((rests - self._least) / self._width).astype(np.int64)
+        inside = (places >= 0) & (places < len(self._counts))
+        counts = np.where(inside, self._counts[np.clip(places, 0, len(self._counts) - 1)], 0.0)
+        found: NDArray[np.float64] = np.log2((counts + _ANY) / self._every)
+        return found
+
+
+def given_up_on(evidence: Evidence, unit: UnitLedger) -> Slow:
+    """Good answers of a unit that came when the client had given up. `bound_ns`: from the request to the answer's end."""
+    bound, rows = gave_up_ns(evidence), evidence.rows(unit.unit)
+    late = (
+        (rows.outcome == Ending.OK)
+        & (rows.delay >= 0)
+        & ~ECHOED[rows.function]
+        & (rows.delay + rows.due * evidence.ledger.char_ns >= bound)
+    )
+    return Slow(round(int(np.count_nonzero(late)) * evidence.ledger.table.weight), bound)
 
 
 def asked_again_though_slow(evidence: Evidence, unit: UnitLedger) -> Slow:

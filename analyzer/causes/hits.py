@@ -11,13 +11,15 @@ import numpy as np
 from ..tables.schema import Bools, Float64s
 from .bits import likelihood_bits, spells_of, strays, surplus_bits
 from .evidence import Evidence
+from .rawbytes import is_of_line
 from .registry import Symptom
 from .repeats import asked_again_into
-from .signatures import AnswerDamage, Behind, Signature, known_header
+from .signatures import AHEAD, AnswerDamage, Behind, Signature, known_header
 from .unitledger import UnitLedger
 
 WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
 _NEARLY_ALL: Final = 0.9
+_ODD: Final = 0.6
 _NO_REST_CHARS: Final = 3.0
 _SURE_BITS: Final = 30.0
 _MOST_LATE: Final = 0.85  # what one late answer meets may make another late
@@ -125,6 +127,20 @@ def apart_bits(evidence: Evidence) -> float:
         for exposed in (idle, let_go)
     )
     return max(own - 0.5 * (len(stray) - 1) * log2(every + 2), 0.0)
+
+
+def unlike_idle_bits(evidence: Evidence) -> float:
+    """How much likelier it is that what strays is sent by somebody than that it strikes the idle line, which makes few
+    other bytes than those that are low once, and lies idle ahead of answers for so much of the time; 0 or more."""
+    ahead = every = odd = waited = rested = 0.0
+    for unit in evidence.units:
+        readings = [each for each in evidence.followed(unit) if each.behind in (Behind.NOISE, Behind.ZEROS)]
+        each_stands_for = evidence.stray(unit) / max(len(readings), 1)
+        ahead += each_stands_for * sum(each.detail == AHEAD for each in readings)
+        odd += each_stands_for * sum(not is_of_line(each.heard) for each in readings)
+        every, waited, rested = every + evidence.stray(unit), waited + unit.delays.total, rested + unit.pauses.total
+    share = waited / (waited + rested) if waited > 0 < rested else 1.0
+    return surplus_bits(ahead, every, share) + surplus_bits(odd, every, _ODD)
 
 
 def is_behind_few(evidence: Evidence) -> bool:

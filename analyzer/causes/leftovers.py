@@ -6,13 +6,14 @@ any line; where it is more, the contrast that wins says what it is like. That is
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from ..languages import left_sentence
+from .answeredas import answered_as, lent
 from .bits import surplus_bits
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family
 from .evidence import HEALTHY, Evidence
@@ -33,6 +34,7 @@ _TOLD_BITS: Final = 6.0  # of a contrast that is told
 _OF_REQUEST: Final = frozenset((1, 2, 3))
 _FAILURES: Final = frozenset((4, 8))  # exceptions that speak of the device, not of what is asked
 _ALWAYS: Final = 0.9
+_OFTEN: Final = 0.02
 _BY_HAND_NS: Final = 3e9  # from one to the next: nobody enters values sooner, again and again
 _NOISE: Final = 0.02  # of the bytes
 _NOISE_BYTES: Final = 40
@@ -47,6 +49,10 @@ _SYMPTOMS: Final = {
     Symptom.BEHIND: "bytes behind {exchanges:,} of {asked:,} good answers",
     Symptom.FRAMING: "{exchanges:,} bytes outside frames",
     Symptom.REQUESTS: "{exchanges:,} of {asked:,} answers are whole, and the client does not take them",
+}
+_OF_FRAMES: Final = {
+    "unasked": "{exchanges:answer|answers} that nobody asked for",
+    "twice": "{exchanges:,} of {asked:,} times the same was asked again at once, though it was answered",
 }
 _LIKE: Final = {
     "function": ", nearly all by function {value:02X}",
@@ -66,13 +72,14 @@ _LIKE: Final = {
     "until": ", until some moment",
     "spells": ", in spells",
     "requests-behind": ", most of them requests that came damaged",
+    "answered-as": ", answered by the number of unit {value} instead",
     "nothing": ", at no time and of no request in particular",
 }
 _TURNED: Final = {  # what is said in place of the name where the symptom is above the threshold, or below it
     "rest": (True, "rest-over"), "since-write": (True, "since-write-over"), "since": (False, "until"),
     **dict.fromkeys(("quantity", "answer-bytes", "address", "range-end"), (False, "below")),
 }  # fmt: skip
-TEMPLATES: Final = {**{symptom.value: words for symptom, words in _SYMPTOMS.items()}, **_LIKE}
+TEMPLATES: Final = {**{symptom.value: words for symptom, words in _SYMPTOMS.items()}, **_OF_FRAMES, **_LIKE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +100,10 @@ def left_over(evidence: Evidence) -> list[Left]:
     looked_for = scanned(evidence)
     units = [unit for unit in evidence.units if unit.unit not in looked_for]
     found = [left for unit in units for left in _of_unit(evidence, unit)]
-    return sorted([*found, *_not_taken(evidence), *_of_bus(evidence)], key=lambda left: -left.exchanges)
+    told = {left.unit for left in found}
+    found += _of_several(evidence, [unit for unit in units if unit.unit not in told])
+    more = (*_not_taken(evidence), *_unasked(evidence), *_twice(evidence), *_of_bus(evidence))
+    return sorted([*found, *more], key=lambda left: -left.exchanges)
 
 
 def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
@@ -110,6 +120,17 @@ def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
             yield Left(unit.unit, count, _said(symptom.value, numbers) + _like(evidence, unit, symptom, best))
 
 
+def _of_several(evidence: Evidence, units: Sequence[UnitLedger]) -> Iterator[Left]:
+    """Of units of each of which too little is left to be told, together."""
+    for symptom in (Symptom.DAMAGE, Symptom.SILENCE):
+        mine = [unit for unit in units if evidence.is_open(symptom, unit.unit)]
+        count, asked = (
+            sum(each) for each in zip((0, 0), *(_counts(evidence, unit)[symptom] for unit in mine), strict=True)
+        )
+        if count >= _LEAST and surplus_bits(min(count, asked), asked, _BACKGROUND[symptom]) >= _SURE_BITS:
+            yield Left(None, count, _said(symptom.value, {"exchanges": count, "asked": asked}))
+
+
 def _not_taken(evidence: Evidence) -> Iterator[Left]:
     """Good answers that the client did not take, of units of which nothing else is explained."""
     explained = {number for _, number in evidence.explained}
@@ -119,15 +140,35 @@ def _not_taken(evidence: Evidence) -> Iterator[Left]:
             yield Left(number, count, _said(Symptom.REQUESTS.value, numbers))
 
 
+def _unasked(evidence: Evidence) -> Iterator[Left]:
+    """Right answers of units that nobody polls, or of one that is and answers what it is asked besides."""
+    if len(evidence.ledger.ports) > 1:
+        return
+    for unit in evidence.ledger.units.values():
+        count = unit.strays - lent(evidence, unit)
+        known = any(number == unit.unit for _, number in evidence.explained)
+        if count >= max(_LEAST, _OFTEN * unit.asked) and not known:
+            yield Left(unit.unit, count, _said("unasked", {"exchanges": count}))
+
+
+def _twice(evidence: Evidence) -> Iterator[Left]:
+    """A list in which most polls stand twice, one right behind the other."""
+    polls = [poll for poll in evidence.polls if poll.unit and poll.count(Ending.OK) >= 2 * _LEAST]
+    again = [poll for poll in polls if abs(2 * poll.repeats - poll.count(Ending.OK)) <= 1 + _OFTEN * poll.repeats]
+    if len(again) >= max(_LEAST, _ALWAYS * len(polls)) and evidence.is_open(Symptom.REQUESTS, None):
+        count, asked = sum(poll.repeats for poll in again), sum(poll.asked for poll in again)
+        yield Left(None, count, _said("twice", {"exchanges": count, "asked": asked}))
+
+
 def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int, int]]:
     """How many exchanges show each symptom, of how many."""
-    late = unit.late + unit.unfit
+    late, doubles = unit.late + unit.unfit, max(unit.doubles - lent(evidence, unit), 0)
     return {
         Symptom.SILENCE: (evidence.silent(unit), unit.asked),
         Symptom.DAMAGE: (evidence.damaged(unit), unit.asked),
         Symptom.REFUSAL: (unit.count(Ending.EXCEPTION), max(unit.answered, 1)),
         Symptom.LATENESS: (late, max(unit.asked, late)),
-        Symptom.DOUBLES: (unit.doubles, max(unit.asked, unit.doubles)),
+        Symptom.DOUBLES: (doubles, max(unit.asked, doubles)),
         Symptom.BEHIND: (round(evidence.behind(unit, *_BESIDES)), max(unit.answered, 1)),
     }
 
@@ -160,6 +201,9 @@ def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast
     """What they have in common."""
     if symptom is Symptom.BEHIND and evidence.requests_behind(unit) > _MOSTLY * evidence.behind(unit, *_BESIDES):
         return _said("requests-behind", {})
+    other = answered_as(evidence, unit.unit) if symptom is Symptom.SILENCE else None
+    if other is not None:
+        return _said("answered-as", {"value": other})
     if symptom not in HITS_OF:
         return ""
     over, turned = _TURNED.get(best.name, (None, ""))

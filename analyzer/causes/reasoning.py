@@ -25,12 +25,15 @@ from .gathered import GATHERED, GatheredRows
 from .ledger import Ledger
 from .leftovers import Left, left_over
 from .registry import Cause, Explained, Suspect, Suspicion, Symptom, suspects, words_of
-from .traits import Traits, traits_of
+from .traits import Traits, sorts_of, traits_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
+_HARDLY: Final = 0.06  # a claim no surer than that explains nothing
+_LIKELIER_THAN_NOT: Final = 0.5
+_MOSTLY: Final = 0.6  # of the exchanges that the heaviest explains
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
@@ -48,7 +51,12 @@ def weigh(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[We
     looked_at = suspects() if among is None else among
     speaking = [each for each in looked_at if may_speak_of(each.cause, line)]
     found = [
-        Weighed(each, replace(suspicion, bits=suspicion.bits - against_bits(evidence, each.foretold, suspicion)))
+        Weighed(
+            each,
+            replace(
+                suspicion, bits=suspicion.bits - suspicion.against - against_bits(evidence, each.foretold, suspicion)
+            ),
+        )
         for each in speaking
         for suspicion in each.judge(evidence)
     ]
@@ -84,34 +92,61 @@ def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
         return Story([claim.cause for claim in claims_of(evidence, among)], [])
-    claims, left = _told(evidence, among)
-    return Story([claim.cause for claim in claims], left)
+    claims = [claim for claim in claims_of(evidence, among) if claim.cause.confidence > _HARDLY]
+    taken = frozenset[tuple[Symptom, int | None]]().union(*(claim.struck for claim in claims))
+    return Story([claim.cause for claim in claims], left_over(evidence.without(taken)))
 
 
 def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
-    """The best suspicions, each with what its certainty goes by."""
-    return _told(evidence, among)[0]
-
-
-def _told(evidence: Evidence, among: Sequence[Suspect] | None) -> tuple[list[CauseClaim], list[Left]]:
-    """The best suspicions, one after the other, and what none of them takes."""
+    """The best suspicions, one after the other, each with what its certainty goes by."""
     found, least, left = list[_PickedCause](), THRESHOLD, evidence
     for _ in range(_CAUSES_MOST):
         weighed = weigh(left, among)
         if not weighed or weighed[0].suspicion.bits < least:
             break
-        best = weighed[0]
+        best = _likeliest(left, [each for each in weighed if each.suspicion.bits >= least])
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
-        others = [each for each in weighed if each.suspect is not best.suspect]
-        rivals = [each for each in others if each.suspicion.explains & best.suspicion.explains]
+        rival = _rival(best, weighed)
         takes = struck(left, best.suspect.foretold, best.suspicion) - left.explained
-        found.append(_PickedCause(best, rivals[0] if rivals else None, left, takes))
+        found.append(_PickedCause(best, rival, left, takes))
         left = left.without(takes)
-    rest = left_over(left)
-    exchanges = sum(each.exchanges for each in rest if each.unit is not None)
+    exchanges = sum(each.exchanges for each in left_over(left) if each.unit is not None)
     but_for_others = [evidence.without(_taken(other for other in found if other is not each)) for each in found]
-    claims = [_claim(each, but, exchanges) for each, but in zip(found, but_for_others, strict=True)]
-    return sorted(claims, key=lambda claim: -claim.cause.bits), rest
+    return [_claim(each, but, exchanges) for each, but in zip(found, but_for_others, strict=True)]
+
+
+def _likeliest(evidence: Evidence, weighed: Sequence[Weighed]) -> Weighed:
+    """The heaviest; where it is likelier not so, of those that explain most of what it does the one whose bits, as far as it
+    is sure, are most: bits tell that something is wrong more than what it is."""
+    takes = weighed[0].suspicion.explains
+    every = _exchanges(evidence, takes)
+    some = [each for each in weighed if _exchanges(evidence, takes & each.suspicion.explains) >= _MOSTLY * every]
+    some = [each for each in some if each.suspicion.explains & takes]
+    own = {each.suspect.cause: _certainty(evidence, each, _rival(each, weighed)) for each in some[::-1]}
+    sure = {each.suspect: max(own[each.suspect.cause], own.get(each.suspect.foretold.kind_of, 0.0)) for each in some}
+    first = some[0]
+    if sure[first.suspect] >= _LIKELIER_THAN_NOT:
+        return first
+    return max(some, key=lambda each: each.suspicion.bits * sure[each.suspect])
+
+
+def _exchanges(evidence: Evidence, explains: Explained) -> float:
+    """About how many exchanges show what is explained."""
+    units = {number for _, number in explains if number is not None} & evidence.ledger.units.keys()
+    sorts = ((number, sort) for number in units for sort in sorts_of(evidence, evidence.ledger.units[number]))
+    return sum(count for number, (symptom, _, count) in sorts if (symptom, number) in explains)
+
+
+def _rival(one: Weighed, weighed: Sequence[Weighed]) -> Weighed | None:
+    """The heaviest one of another cause that explains some of the same."""
+    others = (each for each in weighed if each.suspect is not one.suspect)
+    return next((each for each in others if each.suspicion.explains & one.suspicion.explains), None)
+
+
+def _certainty(evidence: Evidence, one: Weighed, rival: Weighed | None) -> float:
+    rival_bits = rival.suspicion.bits if rival else 0.0
+    goes_by = clues(evidence, one.suspicion, one.suspect.foretold, rival_bits=rival_bits, left=0)
+    return certainty(one.suspect.cause, goes_by, traits_of(evidence, one.suspicion))
 
 
 class _PickedCause(NamedTuple):

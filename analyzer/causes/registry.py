@@ -73,6 +73,7 @@ class Suspicion:
     lost_ms: float | None = None
     frames: tuple[int, ...] = ()
     severity: Severity | None = None  # another one than the cause usually has: what may well be meant is a note
+    against: float = 0.0  # bits of what such a cause would not do: it is less sure then, however much else there is
 
 
 Judge = Callable[["Evidence"], Iterable[Suspicion]]
@@ -81,10 +82,12 @@ Judge = Callable[["Evidence"], Iterable[Suspicion]]
 @dataclass(frozen=True, slots=True)
 class Foretold:
     """What a cause makes likely: of a symptom, the sorts of things that it may hang on (`analyzer.causes.contrasts`; a
-    symptom that is not named may hang on anything), and whether the client loses what is damaged."""
+    symptom that is not named may hang on anything), and whether the client loses what is damaged. `kind_of`: the cause
+    that it is a special case of, and then it is no less sure than that one."""
 
     hangs_on: Mapping[Symptom, frozenset[str]] = field(default_factory=dict)
     client_loses: bool = False
+    kind_of: str = ""
 
 
 COMES_AND_GOES: Final = frozenset(("spells", "since", "unit-before", "outcome-before"))  # contrasts of time

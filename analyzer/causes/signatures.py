@@ -29,6 +29,8 @@ _LEAST: Final = 4
 _ZEROS: Final = 8  # more is a break, not what a driver or a buffer adds
 LONG: Final = 6  # bytes: noise of so many may have been a request
 _LOST: Final = 2  # bytes of a head
+_NO_CHECK: Final = "00 00"
+AHEAD: Final = "before"  # what stands beside a good answer stands ahead of it
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
@@ -155,7 +157,7 @@ def _beside_good(sample: Sample, requests: KnownRequests, apart_ns: float) -> Si
         length=sum(len(piece.data) for piece in others),
         marks=sum(piece.marks for piece in sample.pieces if piece.answers),
         t_behind=t,
-        detail="before" if at else "",
+        detail=AHEAD if at else "",
         due=sample.due,
         rested=max(t - sample.pieces[at].t_end, 0) if t >= 0 and sample.pieces else -1,
         heard=b"".join(piece.data for piece in sample.pieces[at + 1 :] if not piece.check) or ahead,
@@ -277,8 +279,8 @@ def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _Signatu
     known = header + usual[len(header) : max(due - 2, 0)]
     if count == due and data.startswith(header[:3]):
         variant = next(matching(data), None)
-        if variant is not None:
-            return _SignatureSums(AnswerDamage.CONVENTION, 2, due - 2, (), variant.name)
+        if variant is not None or not any(data[-2:]):
+            return _SignatureSums(AnswerDamage.CONVENTION, 2, due - 2, (), variant.name if variant else _NO_CHECK)
     for head in range(1, min(len(known), _HEAD_MOST, due - 3) + 1):
         rest = due - head
         if count >= rest and crc16(known[:head] + data[count - rest :]) == 0:

@@ -1,9 +1,10 @@
 """What the exchanges that a suspicion is about look like, and how typical that is of its cause.
 
-Each trait is a histogram: how they ended, where answers are damaged, what stands behind good ones, how often it
-happens, what came of asking again. A cause is known by how its traits spread where it is so; "none of these" is as
-much of a hypothesis, known by faults without a word, each kind for itself, and by traits that are anyhow. Which is
-likelier is reckoned trait by trait. How traits spread stands in `certainty.json`.
+Each trait is a histogram: how they ended, and where answers are damaged. A cause is known by how its traits spread
+where it is so, each kind of bus for itself, and by traits that are anyhow, for nobody has seen all kinds; "none of
+these" is as much of a hypothesis, known by faults without a word. Which is likelier is reckoned trait by trait. How
+traits spread stands in `certainty.json`. (How often it happens and what came of asking again hang on the client and the
+bus: on buses of another hand they misled.)
 """
 
 from __future__ import annotations
@@ -13,37 +14,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import lgamma, log, log2
 from typing import Final
 
-import numpy as np
-
-from ..tables.schema import Bools
 from .costs import kind_of
 from .evidence import Evidence
 from .exchanges import Ending
-from .exchangetable import AskedRows
 from .registry import Suspicion, Symptom
 from .signatures import Signature
 from .taken import share_that_went_on
 from .unitledger import UnitLedger
 
-TRAITS: Final = ("ending", "place", "behind", "rate", "again")
-_TOLD: Final = {"ending": 60.0}  # exchanges: more of the same tell no more of what is the matter
-_TOLD_ELSE: Final = 40.0
-_RATES: Final = 4.0  # exchanges that a rate counts as
+TRAITS: Final = ("ending", "place")
+_TOLD: Final = 60.0  # exchanges: more of the same tell no more of what is the matter
 _STEADINESS: Final = 8.0  # how much alike a trait of one cause is from bus to bus
-_ANY: Final = 0.02
-_ANYHOW: Final = 0.3  # of what no kind is known by
-_NONE: Final = 0.5  # how likely it is none of these
+_ANY: Final = 0.1
+_ANYHOW: Final = 0.2  # of what no kind is known by
 _UNIT: Final = 8.0  # bits
-_MOST: Final = 4.0
 _HEAD: Final = 3  # bytes, each a place of its own,
 _TAIL: Final = 2  # and those of a check value
 _CODES: Final = frozenset((1, 2, 3, 4, 5, 6, 10, 11))  # exceptions that differ in what they mean
 _OF_ANY_LENGTH: Final = frozenset(("middle", "whole", "head", "other", "none", "cut"))
-_ENDING_OF: Final = {
-    Symptom.SILENCE: Ending.SILENT,
-    Symptom.DAMAGE: Ending.GARBAGE,
-    Symptom.REFUSAL: Ending.EXCEPTION,
-}
 Histogram = Mapping[str, float]
 Traits = Mapping[str, Histogram]
 
@@ -57,16 +45,14 @@ def traits_of(evidence: Evidence, found: Suspicion) -> Traits:
         for symptom, sort, count in sorts_of(evidence, unit):
             if symptom is None or evidence.is_open(symptom, unit.unit):
                 counts["ending"][sort] += count
-        for trait, value, count in (*_of_damage(evidence, unit), *_behind(evidence, unit)):
-            counts[trait][value] += count
-        for trait, value, count in _of_course(evidence, unit, found):
-            counts[trait][value] += count / len(units) if trait == "rate" else count
-    return {trait: _bounded(each, _TOLD.get(trait, _TOLD_ELSE)) for trait, each in counts.items() if any(each.values())}
+        for place, count in _places(evidence, unit):
+            counts["place"][place] += count
+    return {trait: _bounded(each) for trait, each in counts.items() if any(each.values())}
 
 
-def _bounded(counts: Histogram, most: float) -> Histogram:
+def _bounded(counts: Histogram) -> Histogram:
     every = sum(counts.values())
-    return {name: count * min(most / every, 1.0) for name, count in counts.items()}
+    return {name: count * min(_TOLD / every, 1.0) for name, count in counts.items()}
 
 
 def sorts_of(evidence: Evidence, unit: UnitLedger) -> Iterator[tuple[Symptom | None, str, float]]:
@@ -102,12 +88,12 @@ def _damage(reading: Signature) -> str:
     return kind + ("+" if reading.length > reading.due else "-" if reading.length < reading.due else "=")
 
 
-def _of_damage(evidence: Evidence, unit: UnitLedger) -> Iterator[tuple[str, str, float]]:
+def _places(evidence: Evidence, unit: UnitLedger) -> Iterator[tuple[str, float]]:
     """Where damaged answers are damaged first."""
     readings = evidence.readings(unit)
     for each in readings:
         if each.due > 0:
-            yield "place", _place(each), evidence.damaged(unit) / len(readings)
+            yield _place(each), evidence.damaged(unit) / len(readings)
 
 
 def _place(reading: Signature) -> str:
@@ -117,46 +103,11 @@ def _place(reading: Signature) -> str:
     return "end" if at >= due - _TAIL else f"third {3 * (at - _HEAD) // max(due - _HEAD - _TAIL, 1)}"
 
 
-def _behind(evidence: Evidence, unit: UnitLedger) -> Iterator[tuple[str, str, float]]:
-    """What bytes stand behind good answers, and whether they are always the same."""
-    followed = evidence.followed(unit)
-    times = Counter(each.heard for each in followed)
-    for each in followed:
-        bytes_ = "none" if not each.heard else "zeros" if not any(each.heard) else "others"
-        same = "the same" if times[each.heard] > 1 + len(followed) // 4 else "any"
-        yield "behind", f"{bytes_}, {same}", unit.followed.offered / len(followed)
-
-
-def _of_course(evidence: Evidence, unit: UnitLedger, found: Suspicion) -> Iterator[tuple[str, str, float]]:
-    """How often requests, but for repeats, show what is explained, in half powers of two; and what comes of repeats."""
-    rows = evidence.rows(unit.unit)
-    if not len(rows):
-        return
-    hit = np.zeros(len(rows), np.bool_)
-    for symptom in {symptom for symptom, _ in found.explains if evidence.is_open(symptom, unit.unit)}:
-        hit |= _shows(rows, symptom)
-    rate = float(hit[~rows.repeats].mean()) if not rows.repeats.all() else 0.0
-    yield "rate", "all" if rate == 1 else str(int(-2 * log2(rate))) if rate else "none", _RATES
-    again = np.flatnonzero(hit[:-1] & rows.next_same[:-1]) + 1
-    yield "again", "hit", float(np.count_nonzero(hit[again]))
-    yield "again", "spared", float(np.count_nonzero(~hit[again]))
-
-
-def _shows(rows: AskedRows, symptom: Symptom) -> Bools:
-    if symptom is Symptom.BEHIND:
-        found: Bools = (rows.outcome == Ending.OK) & (rows.heard > 0)
-    elif symptom is Symptom.LATENESS:
-        found = rows.late > 0
-    else:
-        found = rows.outcome == _ENDING_OF.get(symptom, Ending.UNHEARD)
-    return found
-
-
-Shares = Mapping[str, Mapping[str, Histogram]]  # by trait and cause
+Shares = Mapping[str, Mapping[str, Sequence[Histogram]]]  # by trait and cause, of each kind of bus
 
 
 def typical(shares: Shares, none: Mapping[str, Sequence[Histogram]], cause: str, found: Traits) -> dict[str, float]:
-    """How much likelier (in units of 8 bits, -4 to 4) each trait is where that cause is so than where any is, or none of
+    """How much likelier (in units of 8 bits) each trait is where that cause is so than where any is, or none of
     these. `none`: by trait, how it spreads in each kind of fault that has no word."""
     return {
         trait: _typical(shares[trait], none.get(trait, ()), cause, found[trait]) if trait in found else 0.0
@@ -164,16 +115,17 @@ def typical(shares: Shares, none: Mapping[str, Sequence[Histogram]], cause: str,
     }
 
 
-def _typical(shares: Mapping[str, Histogram], none: Sequence[Histogram], cause: str, found: Histogram) -> float:
+def _typical(
+    shares: Mapping[str, Sequence[Histogram]], none: Sequence[Histogram], cause: str, found: Histogram
+) -> float:
     if cause not in shares:
         return 0.0
-    kinds = len(set().union(found, *shares.values(), *none))
-    own = _spread_bits(shares[cause], found, kinds)
-    causes = _mean_bits([_spread_bits(each, found, kinds) for each in shares.values()])
-    anyhow = _dirichlet_bits(dict.fromkeys(found, _ANYHOW), _ANYHOW * kinds, found)
-    no_cause = _mean_bits([anyhow, *(_spread_bits(each, found, kinds) for each in none)])
-    other = _mean_bits([causes + log2(2 - 2 * _NONE), no_cause + log2(2 * _NONE)])
-    return min(max((own - other) / _UNIT, -_MOST), _MOST)
+    sorts = len(set().union(found, *none, *(each for kinds in shares.values() for each in kinds)))
+    anyhow = _dirichlet_bits(dict.fromkeys(found, _ANYHOW), _ANYHOW * sorts, found)
+    bits = {each: _mean_bits([_spread_bits(kind, found, sorts) for kind in kinds]) for each, kinds in shares.items()}
+    own = _mean_bits([bits[cause], anyhow])  # the bus may be of a kind that nobody has seen
+    no_cause = _mean_bits([anyhow, *(_spread_bits(kind, found, sorts) for kind in none)])
+    return (own - _mean_bits([_mean_bits(list(bits.values())), no_cause])) / _UNIT
 
 
 def _mean_bits(bits: Sequence[float]) -> float:
@@ -182,10 +134,10 @@ def _mean_bits(bits: Sequence[float]) -> float:
     return most + log2(sum(2 ** (each - most) for each in bits) / len(bits))
 
 
-def _spread_bits(shares: Histogram, found: Histogram, kinds: int) -> float:
+def _spread_bits(shares: Histogram, found: Histogram, sorts: int) -> float:
     """As traits spread from bus to bus: Dirichlet and multinomial."""
     weights = {name: _STEADINESS * shares.get(name, 0.0) + _ANY for name in found}
-    return _dirichlet_bits(weights, _STEADINESS * sum(shares.values()) + _ANY * kinds, found)
+    return _dirichlet_bits(weights, _STEADINESS * sum(shares.values()) + _ANY * sorts, found)
 
 
 def _dirichlet_bits(weights: Histogram, every: float, found: Histogram) -> float:

@@ -8,7 +8,6 @@ twice each time.
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
 from math import inf, log2
 from typing import Final
 
@@ -28,7 +27,10 @@ _FAR_LONGER: Final = 3.0
 _ALIKE: Final = 0.1  # of a wait
 _STEADIER: Final = 0.5
 _IN_STEP: Final = 0.1
-_FORESEEN: Final = 0.9  # of how often a list asks the same again
+_NEARLY_ALL: Final = 0.9
+_SEVERAL: Final = 3  # polls
+_TURNS: Final = 5
+_TOLD: Final = 3.0
 _OF_READS: Final = 4  # functions up to here
 _SURE_BITS: Final = 10.0
 
@@ -44,8 +46,9 @@ def unheeded(evidence: Evidence) -> dict[int, int]:
         return {}
     rests = rows.wait - rows.delay - rows.due * char_ns
     far = good & (rests > _FAR_LONGER * max(float(np.quantile(rests[good], _USUAL)), 0.0) + off)
-    lost = (far & _by_timer(rows, rests, far, off)) | (good & rows.next_same & _again(rows, far, off))
-    lost[good] |= far[good] & _too_soon(rows[good], far[good])
+    lost = (far & _by_timer(rows, rests, far, off)) | _again(rows, good, far, off)
+    long = far & (rests > _TOLD * off)  # what a clock adds to a delay it takes from the rest
+    lost[good] |= long[good] & (_too_soon(rows[good], long[good]) | _behind_any(rows[good], far[good]))
     count = np.bincount(rows.unit[lost], minlength=256)
     return {
         unit: round(int(count[unit]) * evidence.ledger.table.weight)
@@ -71,12 +74,31 @@ def _by_timer(rows: AskedRows, rests: NDArray[np.float64], far: Bools, off: floa
     return found
 
 
+def _behind_any(rows: AskedRows, far: Bools) -> bool:
+    """Whether the client rests always as long, behind any of its polls alike: the rest of a round or of a timer comes
+    behind the same ones."""
+    which, polls = _polls(rows)
+    waits = rows.wait[far]
+    if len(waits) < 2 * _LEAST or len(np.unique(which[far])) < _SEVERAL:
+        return False
+    alike = np.abs(waits - np.median(waits)) <= _ALIKE * np.median(waits)
+    sums, hits, of = RateSums(len(far)), np.bincount(which, far, polls).astype(np.int64), np.bincount(which)
+    by_poll, anyhow = float(sums.bits(hits, of).sum()), float(sums.bits(int(hits.sum()), len(far)))
+    return bool(alike.mean() >= _NEARLY_ALL and anyhow > by_poll)
+
+
+def _polls(rows: AskedRows) -> tuple[NDArray[np.intp], int]:
+    """The number of each one's poll, and how many there are."""
+    polls, which = np.unique(rows.poll, return_inverse=True)
+    return which, len(polls)
+
+
 def _too_soon(rows: AskedRows, far: Bools) -> Bools:
     """Answers that come sooner than a client hears again behind its request: where that, the same for all polls, or for all
     behind which it ever rests, tells the rests better than the polls do, each with a rate of its own. The rest of a round
     is left out: it is longer where answers come soon."""
-    polls, which = np.unique(rows.poll, return_inverse=True)
-    mine, of = np.bincount(which, far, len(polls)), np.bincount(which, minlength=len(polls))
+    which, polls = _polls(rows)
+    mine, of = np.bincount(which, far, polls), np.bincount(which, minlength=polls)
     known = which != int(np.argmax(np.where(mine < of, mine, 0)))
     found = max(_told_by_delay(rows.delay, far, which, known & (mine[which] >= least)) for least in (0, 1))
     return far & (rows.delay <= found[1]) if found[0] >= _SURE_BITS else np.zeros(len(far), np.bool_)
@@ -103,23 +125,28 @@ def _told_by_delay(delays: NDArray[np.int64], far: Bools, polls: NDArray[np.intp
     return float(bits[best]) - max(by_poll, always - np.count_nonzero(own[1])), int(values[edges[best] - 1])
 
 
-def _again(rows: AskedRows, far: Bools, off: float) -> Bools:
-    """Those of polls that read, and that the client asks again after a rest: several, or one now once, now twice. Of a list
-    that begins and ends by the same this is so of that one each time, and of what has a timer of its own in step."""
-    found = []
-    for poll in np.unique(rows.poll).tolist():
-        mine = np.flatnonzero(rows.poll == poll)
+def _again(rows: AskedRows, good: Bools, far: Bools, off: float) -> Bools:
+    """Those that are read again: of several polls after a rest, or now here, now there. A list asks the same twice by turns
+    that tell when, and what has a timer of its own in step."""
+    which, polls = _polls(rows)
+    lost, bits, rested = np.zeros(len(rows), np.bool_), 0.0, 0
+    for mine in (np.flatnonzero(which == poll) for poll in range(polls)):
         again = rows.next_same[mine]
-        if rows.function[mine[0]] > _OF_READS or np.count_nonzero(again & far[mine]) < _LEAST or again.all():
-            continue
-        if not _is_in_step(rows.time[mine], again[:-1], off):
-            found.append(mine)
-    if len(found) == 1 and _is_foreseen(np.diff(np.flatnonzero(~rows.next_same[found[0]]))):
-        found = []
-    which = np.zeros(len(rows), np.bool_)
-    for mine in found:
-        which[mine] = True
-    return which
+        if rows.function[mine[0]] <= _OF_READS and again.any() and not _is_in_step(rows.time[mine], again[:-1], off):
+            lost[mine] = again & good[mine]
+            bits += _by_turns_bits(again)
+            rested += bool(np.count_nonzero(again & far[mine]) >= _LEAST)
+    found = rested > 1 or (bits <= 0 and np.count_nonzero(lost) >= 2 * _LEAST)
+    return lost if found else np.zeros_like(lost)
+
+
+def _by_turns_bits(again: Bools) -> float:
+    """How much better the last few tell whether the next one comes again than one rate does (bits)."""
+    sums, hits = RateSums(len(again)), again.astype(np.int64)
+    padded = np.concatenate((np.zeros(_TURNS, np.int64), hits))
+    before = sum(padded[n : n + len(hits)] << n for n in range(_TURNS))
+    mine, of = np.bincount(before, hits).astype(np.int64), np.bincount(before)
+    return float(sums.bits(mine, of).sum() - sums.bits(int(hits.sum()), len(hits)))
 
 
 def _is_in_step(times: NDArray[np.int64], again: Bools, off: float) -> bool:
@@ -129,12 +156,3 @@ def _is_in_step(times: NDArray[np.int64], again: Bools, off: float) -> bool:
         return True
     at_once, between = float(np.median(apart[again])), float(np.median(apart[~again]))
     return abs(between - at_once) <= _IN_STEP * at_once + off
-
-
-def _is_foreseen(runs: NDArray[np.intp]) -> bool:
-    """Whether how often the same is asked follows from the two times before."""
-    behind = defaultdict[tuple[int, int], Counter[int]](Counter)
-    for one, two, three in zip(runs.tolist(), runs[1:].tolist(), runs[2:].tolist(), strict=False):
-        behind[one, two][three] += 1
-    right = sum(max(each.values()) for each in behind.values())
-    return right >= _FORESEEN * max(len(runs) - 2, 1)

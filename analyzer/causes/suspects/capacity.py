@@ -111,7 +111,7 @@ def _rounds(evidence: Evidence) -> _Rounds | None:
 def overload(evidence: Evidence) -> Iterator[Suspicion]:
     """A full line, and a master without a pause."""
     rounds = _rounds(evidence)
-    if rounds is None:
+    if rounds is None or not rounds.intervals:
         return
     others = (
         rounds.is_of_short_answers,
@@ -127,4 +127,5 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         100 * max(rounds.load - _BUSY, 0.0) + 40,
         frozenset({(Symptom.REQUESTS, None)}),
         {"load": rounds.load, "polls": len(rounds.intervals), "cycle": rounds.intervals[-1] / 1e9},
+        severity=None if rounds.round_ns >= _LONG_ROUND_NS else Severity.NOTE,  # nobody waits long for his values
     )

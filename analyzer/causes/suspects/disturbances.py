@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -53,6 +54,7 @@ _SWITCHES: Final = 4  # of it, at the least; and a spell, at most
 _AS_WELL: Final = 0.7
 _SURE_BITS: Final = 14.0  # that a phase or a state must add
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
+_OF_INTERFERENCE: Final = replace(OF_A_LINE, kind_of="interference")
 _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be known
 
 
@@ -86,22 +88,30 @@ def _load(evidence: Evidence) -> float:
     return min(max(evidence.load or _LOAD, 0.05), 0.93)
 
 
-def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0) -> tuple[Hits, float]:
+class _Struck(NamedTuple):
+    """What was hit, the weight of that, and of what does not go with it (bits)."""
+
+    hits: Hits
+    bits: float = 0.0
+    against: float = 0.0
+
+
+def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0) -> _Struck:
     """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit;
     `by_time`: bits by which it is told that they come and go, which are part of it."""
     hits = Hits(evidence)
     if not any(unit.answered for unit in evidence.units):
-        return hits, 0.0  # a line on which nothing is ever well is not disturbed
+        return _Struck(hits)  # a line on which nothing is ever well is not disturbed
     if hits.all < _LEAST or (hits.frames < _LEAST and not (sparse and _as_exposed(evidence, hits))):
-        return hits, 0.0
+        return _Struck(hits)
     if (hits.requests < _FEW * hits.damaged and is_one_units(evidence)) or spares_requests(evidence, hits):
-        return hits, 0.0
+        return _Struck(hits)
     if spares_units(evidence):
-        return hits, 0.0
+        return _Struck(hits)
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
     if len(readings) >= _LEAST and share_of(readings, "crossed") > _SENT_INTO:
-        return hits, 0.0  # somebody sends into the answers
+        return _Struck(hits)  # somebody sends into the answers
     if (
         hits.frames < min(_ON_FRAMES, _HALF * (evidence.load or 1)) * hits.all
     ):  # what hardly meets a frame would be on the idle line alone
@@ -110,23 +120,24 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0)
     bits -= surplus_bits(hits.requests, hits.frames, requests_part(evidence))  # nor does it look for who sends
     unlike = apart_bits(evidence) - evenness_bits(evidence) - requests_evenness_bits(evidence)
     if unlike > max(_UNLIKE_BITS, _UNLIKE * bits, _BY_TIME * by_time):
-        return hits, 0.0  # it spares some units: it is not everybody's
-    return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike + by_time
+        return _Struck(hits)  # it spares some units: it is not everybody's
+    return _Struck(hits, bits + by_time, max(-kind_bits(readings, ALIKE), 0.0) + unlike)
 
 
-def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:
+def _suspicion(evidence: Evidence, struck: _Struck, more: Mapping[str, Any], **times: Any) -> Suspicion:
     lost = together(
         (cost_of(evidence, _all_explained(evidence)), *(cost_behind_damage(evidence, unit) for unit in evidence.units))
     )
     frames = examples(evidence.units, Ending.GARBAGE)
     return Suspicion(
         (),
-        bits,
+        struck.bits,
         _all_explained(evidence),
-        {**hits.numbers, **more},
+        {**struck.hits.numbers, **more},
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=frames,
+        against=struck.against,
         **{**span_of_hits(evidence), **times},
     )
 
@@ -152,9 +163,9 @@ _SHARE: Final = (
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of all senders alike."""
-    hits, bits = _anywhere(evidence, sparse=True)
-    if bits > 0:
-        yield _suspicion(evidence, hits, bits, {})
+    struck = _anywhere(evidence, sparse=True)
+    if struck.bits > struck.against:
+        yield _suspicion(evidence, struck, {})
 
 
 @suspect(
@@ -167,12 +178,12 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from "
     "power "
     "cables, earth the shield, use an isolated converter",
-    foretold=OF_A_LINE,
+    foretold=_OF_INTERFERENCE,
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at one phase of the mains or of its half-waves."""
-    hits, bits = _anywhere(evidence, sparse=True)
-    if bits <= 0 or not evidence.ledger.timed or evidence.verdict.wait_ns > _PHASE_NS:
+    struck = _anywhere(evidence, sparse=True)
+    if struck.bits <= struck.against or not evidence.ledger.timed or evidence.verdict.wait_ns > _PHASE_NS:
         return
     times = _times_of_hits(evidence)
     if len(times) < _LEAST:
@@ -182,7 +193,8 @@ def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
             found = _phases(times.tobytes(), per_wave * (mains - strays), per_wave * (mains + strays))
             if found.bits >= _SURE_BITS:
                 numbers = {"frequency": found.frequency / per_wave, "alike": found.alike}
-                yield _suspicion(evidence, hits, bits + found.bits, numbers, period_s=round(1 / found.frequency, 6))
+                more = struck._replace(bits=struck.bits + found.bits)
+                yield _suspicion(evidence, more, numbers, period_s=round(1 / found.frequency, 6))
 
 
 @lru_cache(maxsize=8)
@@ -216,7 +228,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     remedy="Route the bus cable away from the motor cable of this drive; earth that cable's shield at both ends, fit a "
     "filter "
     "or a ferrite at its output",
-    foretold=OF_A_LINE,
+    foretold=_OF_INTERFERENCE,
 )
 def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage that goes with a value on the bus."""
@@ -224,8 +236,8 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     if state is None or state.bits < _SURE_BITS:
         return
     by_time = max(state.bits, spells_of_hits(evidence)[0]) if _is_told(evidence) else state.bits
-    hits, bits = _anywhere(evidence, sparse=True, by_time=by_time)
-    if bits <= 0:
+    struck = _anywhere(evidence, sparse=True, by_time=by_time)
+    if struck.bits <= struck.against:
         return
     area = {1: "coil", 2: "discrete input", 3: "holding register", 4: "input register"}[state.function]
     numbers = {
@@ -238,7 +250,7 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
         "else_": state.other_hits,
         "else_of": state.other_trials,
     }
-    yield _suspicion(evidence, hits, bits, numbers)
+    yield _suspicion(evidence, struck, numbers)
 
 
 def _is_told(evidence: Evidence) -> bool:
@@ -263,7 +275,7 @@ def _is_told(evidence: Evidence) -> bool:
     deciding_test="Ask what runs in the plant at these times, and record over a week",
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its "
     "cables",
-    foretold=OF_A_LINE,
+    foretold=_OF_INTERFERENCE,
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage in spells that nothing on the bus tells; that a line floats does not come and go."""
@@ -271,8 +283,8 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
     found, inside = spells_of_hits(evidence)
     if not found or grid.begin_ns is None or _is_told(evidence):
         return
-    hits, bits = _anywhere(evidence, sparse=True, by_time=found)
-    if bits <= 0:
+    struck = _anywhere(evidence, sparse=True, by_time=found)
+    if struck.bits <= struck.against:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
@@ -289,4 +301,4 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
     }
     if len(begins) > 2:
         times["period_s"] = round(float(np.diff(begins).mean()) * grid.width_ns / 1e9, 1)
-    yield _suspicion(evidence, hits, bits, numbers, **times)
+    yield _suspicion(evidence, struck, numbers, **times)

@@ -11,11 +11,12 @@ import numpy as np
 
 from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
+from ..answeredas import lent
 from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits, kind_of, untimely
 from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
-from ..givenup import all_repeated, asked_again_though_slow, hurried, repeated_by_timer
+from ..givenup import all_repeated, asked_again_though_slow, given_up_on, repeated_by_timer
 from ..hits import given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import (
@@ -193,13 +194,13 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     """Answers of a unit that came too late, as far as can be told."""
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0
-    found = unit.late + unit.strays
+    found = unit.late + max(unit.strays - lent(evidence, unit), 0)
     if unit.doubles <= 1.2 * evidence.unanswered(unit):
         found += unit.doubles
     readings = evidence.readings(unit)
     slow = asked_again_though_slow(evidence, unit)
     bound = min(slow.bound_ns, _beyond(evidence, unit)[0])
-    quick, char_ns = hurried(evidence, unit), evidence.ledger.char_ns
+    quick, char_ns = given_up_on(evidence, unit), evidence.ledger.char_ns
     by_timer = timed_by_the_master(evidence, unit)
     late = [
         r

@@ -9,6 +9,7 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ...tables.transactions import ECHOED
+from ..answeredas import answered_as
 from ..bits import clustering_bits, mean_period_s, regularity_bits, surplus_bits
 from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
@@ -44,7 +45,7 @@ _HALF: Final = 0.5
 _SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is what seems to be its answer damaged
 _HARDLY: Final = 0.25  # of what would be so by chance
 _SCATTERED: Final = 0.03  # of what goes without an answer in a row or alone: alone beside restarts
-_SCATTERED_BITS: Final = 8.0
+_SURE_BITS: Final = 8.0
 
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
@@ -55,6 +56,7 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
         for unit in evidence.units
         if _surely_in_vain(evidence, unit) >= _LEAST_OF_SEVERAL
         and unit.unit not in looked_for
+        and answered_as(evidence, unit.unit) is None
         and (not unit.answered + unit.strays + unit.late or only_repeats(evidence, unit))
         and _answering(evidence, unit) <= max(_STRAYS, evidence.elsewhere(unit)) * unit.asked
     ]
@@ -278,7 +280,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to "
     "interference",
-    foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES}),
+    foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES - {"unit-before"}}),
 )
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence in spells, or in one long one, good answers before and behind."""
@@ -287,20 +289,21 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         inside = sum(each.count for each in spells)
         if _are_second_answers(evidence, unit) or only_repeats(evidence, unit):
             continue
-        if _scattered_bits(evidence, unit) >= _SCATTERED_BITS:
-            continue  # a unit that is down answers nothing meanwhile, and all else well
         once = len(spells) == 1 and spells[0].before is not None
         once = once and (spells[0].count >= _TO_THE_END or spells[0].visits >= _VISITS_ONCE)
         if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
         silences = evidence.silences(unit)
-        runs = len(silences.all) + silences.single + silences.more
         begins = [each.begin for each in spells]
+        in_spells = clustering_bits(silent, unit.asked, len(silences.all) + silences.single + silences.more)
+        in_spells += regularity_bits(begins)
+        if in_spells < _SURE_BITS or _scattered_bits(evidence, unit) >= _SURE_BITS:
+            continue  # by chance as well, or it answers some meanwhile
         lost = cost(evidence, unit, Ending.SILENT)
         timed = evidence.ledger.timed
         yield Suspicion(
             (unit.unit,),
-            silence_bits(silent, unit.asked) + clustering_bits(silent, unit.asked, runs) + regularity_bits(begins),
+            silence_bits(silent, unit.asked) + in_spells,
             frozenset({(Symptom.SILENCE, unit.unit)}),
             {
                 "unit": unit.unit,

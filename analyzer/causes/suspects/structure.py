@@ -165,33 +165,29 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
 
 _CUT_BITS: Final = 12.0  # that a request proves which is right but for its last byte: its function, a byte of its CRC,
 _CONVENTION_BITS: Final = 15.0  # or both bytes, by one of a few dozen conventions
-_READS: Final = range(1, 7)  # functions whose requests have always as many bytes
-_BODY: Final = 6  # bytes of these before the check value
+_ASKS: Final = (1, 2, 3, 4, 5, 6, 15, 16, 22, 23)
+_BODY: Final = 6  # bytes before the check value, of the shortest
 _TILED: Final = 0.6  # of the bytes in no frame
 _FEW: Final = 8
 CUT: Final = "the last byte is missing"
 
 
-def _flaws(data: bytes) -> Iterator[str]:
-    """What is wrong with each of the requests that stand in these bytes, right but for one thing."""
+def _flaws(data: bytes) -> Iterator[tuple[str, int]]:
+    """What is wrong with each of the requests that stand in these bytes, right but for one thing, and how long it is."""
     at = 0
     while at < len(data) - _BODY:
-        body, tail = data[at : at + _BODY], data[at + _BODY : at + _BODY + 2]
-        size = 0
-        if (
-            body[0]
-            and body[1] in _READS
-            and pdu_length(body[1:], Role.REQUEST) == _BODY - 1
-            and crc_bytes(body) != tail
-        ):
+        length = pdu_length(data[at + 1 :], Role.REQUEST) if data[at] and data[at + 1] in _ASKS else None
+        end = at + 1 + (length or len(data))
+        body, tail = data[at:end], data[end : end + 2]
+        at += 1
+        if tail and crc_bytes(body) != tail:
             variant = next(matching(body + tail), None) if len(tail) == 2 else None
             if variant is not None:
-                size = _BODY + 2
-                yield variant.name
-            elif tail[:1] == crc_bytes(body)[:1]:
-                size = _BODY + 1
-                yield CUT
-        at += size or 1
+                at = end + 2
+                yield variant.name, len(body) + 2
+            elif len(body) == _BODY and tail[:1] == crc_bytes(body)[:1]:
+                at = end + 1
+                yield CUT, len(body) + 1
 
 
 @suspect(
@@ -213,9 +209,9 @@ def request_flaw(evidence: Evidence) -> Iterator[Suspicion]:
     if not alone:
         looked_at = [each.heard for unit in evidence.units for each in evidence.followed(unit)]
     size = sum(map(len, looked_at))
-    found = Counter(flaw for data in looked_at for flaw in _flaws(data) if alone or flaw != CUT)
-    for flaw, count in found.most_common(1):
-        if count < _FEW or count * (_BODY + 1) < _TILED * size:
+    flaws = [each for data in looked_at for each in _flaws(data) if alone or each[0] != CUT]
+    for flaw, count in Counter(flaw for flaw, _ in flaws).most_common(1):
+        if count < _FEW or sum(length for each, length in flaws if each == flaw) < _TILED * size:
             return
         bits = (_CUT_BITS if flaw == CUT else _CONVENTION_BITS) * count
         bits *= max((ledger.bytes - ledger.right_bytes) / size, 1.0)

@@ -25,7 +25,7 @@ from ..exchanges import Ending
 from ..flatmemory import Spell
 from ..polls import Poll
 from ..registry import Explained, Suspicion, Symptom, suspect
-from ..unitledger import UnitLedger
+from ..unitledger import AT_ONCE_NS, UnitLedger
 from .outages import silent_together
 
 _LEAST: Final = 20  # frames
@@ -269,8 +269,9 @@ def _frames_in(data: bytes, role: Role) -> int:
     "local-echo",
     Severity.NOTE,
     blame="tap",
-    text="The adapter shows what it sends: {echoes:,} of {requests:,} requests come twice, one right after the other",
-    share="{echoes:,} of {requests:,} requests",
+    text="{who} shows what it sends: {echoes:,} of {requests:,} requests[ to {units:unit|units}] come twice, one right after "
+    "the other",
+    share="{echoes:,} of {requests:,} requests[ to {units:unit|units}]",
     deciding_test="Look for an echo setting of the adapter or its driver; only the adapter's own frames come twice",
     remedy="Switch the adapter's local echo off, or tap the line with a second adapter",
 )
@@ -289,10 +290,33 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
             explains |= {(kind, unit.unit) for kind in Symptom}
     firsts = max(sum(unit.asked for unit in evidence.units), 1)
     if echoed < _LEAST / 2 or echoed < 0.4 * firsts:
+        yield from _sent_back(evidence)
         return
     echoed = min(echoed, firsts)  # what an echo and noise share may be counted as both
-    numbers = {"echoes": echoed, "requests": firsts}
+    numbers = {"who": "The adapter", "units": (), "echoes": echoed, "requests": firsts}
     yield Suspicion((), _COPY_BITS * echoed, frozenset(explains), numbers, ledger.begin, ledger.end)
+
+
+def _sent_back(evidence: Evidence) -> Iterator[Suspicion]:
+    """Requests to some units, and no others, that come once more at once ahead of nearly each answer."""
+    off, counts = evidence.verdict.wait_ns, dict[int, int]()
+    for unit in evidence.units if evidence.ordered and off < AT_ONCE_NS else ():
+        rows = evidence.rows(unit.unit)
+        first = (
+            (rows.outcome == Ending.SILENT)
+            & rows.next_same
+            & (rows.wait <= AT_ONCE_NS + off)
+            & (rows.late + rows.heard == 0)
+        )
+        answered = np.isin(rows.number, rows.number[first] + 1) & (rows.outcome <= Ending.EXCEPTION)
+        if np.count_nonzero(answered) >= max(_FEW, _NEARLY_ALL * np.count_nonzero(rows.outcome <= Ending.EXCEPTION)):
+            counts[unit.unit] = round(np.count_nonzero(answered) * evidence.ledger.table.weight)
+    if counts:
+        requests = sum(evidence.ledger.units[unit].answered for unit in counts)
+        echoes = min(sum(counts.values()), requests)
+        numbers = {"who": "A converter on the way", "units": tuple(counts), "echoes": echoes, "requests": requests}
+        explains = frozenset((kind, unit) for unit in counts for kind in (Symptom.SILENCE, Symptom.TIMING))
+        yield Suspicion(tuple(counts), _COPY_BITS * echoes, explains, numbers, severity=Severity.WARNING)
 
 
 def _has_seven_bits(data: bytes) -> bool:

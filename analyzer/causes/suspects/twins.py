@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from ...tables.findings import Severity
+from ..answeredas import lent
 from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits
 from ..evidence import HEALTHY, Evidence
@@ -50,6 +51,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units if evidence.ordered else ():  # of two clocks nobody knows what came behind what
         readings, too_many = evidence.readings(unit), answers_too_many(evidence, unit)
+        too_many = max(too_many - lent(evidence, unit), 0)
         behind = _are_of_others(evidence, _not_next(evidence, unit), len(evidence.followed(unit)))
         if (_are_of_others(evidence, readings, len(readings)) or behind) and not too_many:
             continue  # another unit is still answering when this one is asked
@@ -57,8 +59,9 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         bits = _bits(evidence, unit, seen)
         run_into = _run_into(evidence, unit) if seen.doubles >= _LEAST else _answered_again(evidence, unit)
         few = seen.doubles + seen.tails + len(readings) < _LEAST
-        if bits + sum(run_into.values()) > 0 and (run_into or not few):
-            yield _suspicion(evidence, unit, seen, bits, run_into)
+        against = _SHORT_BITS * _shortened(readings)
+        if bits + sum(run_into.values()) > against and (run_into or not few):
+            yield replace(_suspicion(evidence, unit, seen, bits, run_into), against=against)
 
 
 class _SecondShown(NamedTuple):
@@ -71,7 +74,7 @@ class _SecondShown(NamedTuple):
 
 
 def _seen(evidence: Evidence, unit: UnitLedger, too_many: int) -> _SecondShown:
-    doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
+    doubles = max(unit.doubles - lent(evidence, unit), 0) if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
     doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
     doubles += max(evidence.begun[unit.unit] - unit.count(Ending.SILENT, Ending.GARBAGE), 0)
     crossed, readings = round(evidence.behind(unit, Behind.REQUEST, Behind.NOISE)), evidence.readings(unit)
@@ -97,8 +100,7 @@ def _bits(evidence: Evidence, unit: UnitLedger, seen: _SecondShown) -> float:
         kinds = kind_bits(readings, _MIXED)
         if seen.crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
             kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
-        bits += evidence.surplus(unit) + kinds
-        bits += _BEFORE_BITS * begun_before(evidence, unit) - _SHORT_BITS * _shortened(readings)
+        bits += evidence.surplus(unit) + kinds + _BEFORE_BITS * begun_before(evidence, unit)
     return bits
 
 

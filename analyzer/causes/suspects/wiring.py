@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import log2
 from typing import Final
 
@@ -10,7 +11,17 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..costs import kind_bits, kind_of, share_of
 from ..evidence import HEALTHY, Evidence
-from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units
+from ..hits import (
+    ALIKE,
+    WELL,
+    Hits,
+    apart_bits,
+    is_behind_few,
+    span_of_hits,
+    spared_bits,
+    spares_units,
+    unlike_idle_bits,
+)
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
@@ -58,14 +69,15 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     bits = surplus_bits(hit, max(hits.exchanges, hit), HEALTHY)
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
     inside = sum(_inside(evidence, unit) for unit in evidence.units)
-    bits -= surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
+    against = surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
+    against += unlike_idle_bits(evidence)
     if is_behind_few(evidence):
         bits = bits / 4 - apart_bits(evidence)  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
     load = min(evidence.load or 0.0, _FULL)
     if touched > _MOST * hits.damaged or hits.damaged < max(_FEW, _LESS * load / (1 - load)) * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
-    yield Suspicion((), bits, explains, hits.numbers, **span_of_hits(evidence))
+    yield Suspicion((), bits, explains, hits.numbers, against=against, **span_of_hits(evidence))
 
 
 def _inside(evidence: Evidence, unit: UnitLedger) -> float:
@@ -144,14 +156,16 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
 def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of any kind, of one unit alone."""
     for unit in evidence.units if len(evidence.units) > 1 else ():
-        bits = evidence.surplus(unit) + min(kind_bits(evidence.readings(unit), ALIKE), 0.0) - _UNIT_BITS
-        bits += spared_bits(evidence, unit)
-        bits -= surplus_bits(evidence.requests_behind(unit), max(unit.answered, 1), HEALTHY)  # no drop harms requests
+        bits = evidence.surplus(unit) - _UNIT_BITS
+        against = max(-kind_bits(evidence.readings(unit), ALIKE), 0.0) - spared_bits(evidence, unit)
+        against += surplus_bits(
+            evidence.requests_behind(unit), max(unit.answered, 1), HEALTHY
+        )  # no drop harms requests
         others = [other for other in evidence.units if other.unit != unit.unit]
         loses = 0 < evidence.silent(unit) <= evidence.damaged(unit)  # the requests that it spoils on their way in
         if loses:
             elsewhere = (sum(map(evidence.silent, others)) + 0.5) / (sum(other.asked for other in others) + 1)
             bits += surplus_bits(evidence.silent(unit), unit.asked, max(elsewhere, HEALTHY))
-        if bits > 0 and evidence.damaged(unit) >= _LEAST:
+        if bits > against and evidence.damaged(unit) >= _LEAST:
             kinds = (Symptom.DAMAGE, Symptom.SILENCE) if loses else (Symptom.DAMAGE,)
-            yield damage_suspicion(evidence, [unit], bits, symptoms=kinds)
+            yield replace(damage_suspicion(evidence, [unit], bits, symptoms=kinds), against=against)

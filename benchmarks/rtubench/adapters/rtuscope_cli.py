@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rtubench.adapters.speaking import Given, NotThereError, Row, frame, given, speak
 
-_CAUSES = {  # its words, in those of the bench
+CAUSES = {  # its words, in those of the bench
     "dead-unit": "unit-silent", "absent-units": "unit-silent", "unit-restarts": "unit-restarts",
     "unit-busy": "unit-busy", "missing-registers": "missing-registers", "cannot-serve": "missing-registers",
     "timeout-too-short": "timeout-too-short", "two-masters": "two-clients", "duplicate-address": "same-address",
@@ -78,7 +78,7 @@ def bus(path: Path) -> Iterator[Row]:
 def causes(path: Path) -> Iterator[Row]:
     for cause in json.loads(_printed("report", *_capture(path), "--json"))["causes"]:
         if cause["severity"] != "note":
-            yield {"cause": _CAUSES.get(cause["cause"], cause["cause"]), "units": cause["units"]}
+            yield {"cause": CAUSES.get(cause["cause"], cause["cause"]), "units": cause["units"]}
 
 
 def text(path: Path) -> Iterator[Row]:
