@@ -45,7 +45,7 @@ def parts_of_line(line: str) -> list[Span]:
 def _headings_in(line: str, cells: Sequence[Span]) -> int:
     """How many headings are known among cells that may be some."""
     texts = [line[a:b].replace(_FILL, "") for a, b in cells]
-    return known_headings(texts) if may_be_heading(texts) else 0
+    return known_headings(texts) * may_be_heading(texts)
 
 
 def _cut_table(lines: Sequence[str], parted: Sequence[Sequence[Span]], *, has_heading: bool) -> Iterator[list[str]]:
