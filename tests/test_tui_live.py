@@ -234,3 +234,56 @@ def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
         terminal.press("qq").until(lambda: (tmp_path / "bus.mcap").exists())
     notes = [note.text for note in captures.open(tmp_path / "bus.mcap").notes() if note.kind == "mark"]
     assert notes == ["pump on", "pump off", "valve"]
+
+
+@posix
+@pytest.mark.parametrize("octets", [b"\xff", b"\xf4\xfb", b"\x1b[200~\x01\x02\xff\xfeabc\x1b[201~"])
+def test_bytes_that_are_no_utf8_end_neither_the_interface_nor_a_recording(octets: bytes, tmp_path: Path) -> None:
+    from emulator import Watched
+    from livebus import pty
+
+    line, name = pty()
+    with Watched("sniff", name, "--baud", "19200", "--tui", "-o", "bus.mcap", cwd=tmp_path) as terminal:
+        terminal.until("REC bus.mcap").press("1")
+        terminal.press(octets).press("8").press(octets).press("\x1b[17~").press("1")  # in a list, and among typed bytes
+        say(line, range(1, 9))
+        terminal.until("8 frames")
+
+
+_BREAKS = """
+import sys
+
+if "--tui" in sys.orig_argv:  # not the process that reads the port
+    from analyzer.tui.app import Rtuscope
+
+    def broken(self):
+        raise LookupError("on purpose")
+
+    Rtuscope.action_theme_flip = broken
+"""
+
+
+@posix
+@pytest.mark.parametrize("record", [(), ("-o", "bus.mcap")])
+def test_a_defect_that_ends_the_interface_is_a_failure_and_tells_what_was_recorded(
+    record: tuple[str, ...], tmp_path: Path
+) -> None:
+    from emulator import Watched
+    from livebus import pty
+    from running import ROOT
+
+    import captures
+
+    line, name = pty()
+    tmp_path.joinpath("sitecustomize.py").write_text(_BREAKS, "utf-8")
+    paths = f"{tmp_path}{os.pathsep}{ROOT}"
+    arguments = "sniff", name, "--baud", "19200", "--tui", *record
+    with Watched(*arguments, cwd=tmp_path, PYTHONPATH=paths, columns=200) as terminal:
+        terminal.until("following").press("1")
+        say(line, range(1, 9))
+        terminal.until("8 frames").press("D")
+        assert terminal.status() == 2
+        assert "rtuscope: the interface failed, as told above" in terminal.shown()
+        assert ("the recording ended with it: recorded 64 bytes of the line" in terminal.shown()) == bool(record)
+    if record:
+        assert len(b"".join(chunk.data for chunk in captures.open(tmp_path / "bus.mcap").chunks())) == 64

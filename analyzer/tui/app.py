@@ -39,7 +39,7 @@ from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .prompts import Choose
 from .screen import BusScreen
-from .viewer import ending_with_its_server, heed_lost_terminal
+from .viewer import ending_with_its_server, heed_lost_terminal, reading_any_byte
 from .wire import ThinWire
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class Rtuscope(App[None]):
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_BROAD, "-broad")]
 
     def get_driver_class(self) -> type[Driver]:
-        driver = super().get_driver_class()
+        driver = reading_any_byte(super().get_driver_class())
         return ending_with_its_server(driver) if "TEXTUAL_DRIVER" in os.environ else driver
 
     def get_line_filters(self) -> Sequence[LineFilter]:
