@@ -15,8 +15,12 @@ from seats import Seat, sample_in, using
 from terminals import posix
 
 from analyzer.core import Analysed
+from analyzer.model.source import CaptureSource
+from analyzer.outages import Deaf
+from analyzer.simulation import Scenario, simulate
 from analyzer.tui.live import LiveSource
 from analyzer.tui.openfiles import NextFile
+from captures.chunks import Capture
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
 
@@ -136,6 +140,61 @@ def test_without_a_recording_it_is_said_and_left_at_once() -> None:
     using(Quiet(None), work, size=(120, 24))
 
 
+class Away(CaptureSource):
+    """A tap at a sound bus whose port goes, and comes back."""
+
+    live = True
+    outages: tuple[Deaf, ...] = ()
+
+    def __init__(self) -> None:
+        made = simulate(Scenario("clean", "precise", transactions=40, seed=3))
+        super().__init__(Capture.of(made.line, made.chunks, timed=True), "/dev/ttyUSB0")
+
+    @property
+    def deaf(self) -> tuple[Deaf, ...]:  # type: ignore[override]
+        return self.outages
+
+    def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
+        yield from super().steps(stop)
+        while not stop():
+            time.sleep(0.02)
+            yield Analysed.nothing()
+
+
+@pytest.mark.parametrize(
+    ("language", "well", "away", "back", "more"),
+    [
+        ("en", "No problems so far", "Nothing heard since 2026-11-30 12:00:00 UTC: A: lost",
+         "Nothing heard for 10 s from 2026", "1 more such time"),
+        ("ru", "Пока всё в порядке", "Ничего не слышно с 2026-11-30 12:00:00 UTC: A: lost",
+         "Ничего не слышно 10 с, с 2026", "1 такой случай"),
+    ],
+)  # fmt: skip
+def test_home_says_while_nothing_is_heard_and_behind_it_that_nothing_was(
+    language: str, well: str, away: str, back: str, more: str
+) -> None:
+    from analyzer.languages import use_language
+
+    source, begun = Away(), 1_796_040_000_000_000_000
+
+    async def work(sitting: Seat) -> None:
+        await sitting.until(lambda: well in sitting.shown())
+        source.outages = (Deaf(begun, None, "A: lost"),)
+        await sitting.until(lambda: away in sitting.shown())
+        assert well not in sitting.shown()
+        source.outages = (Deaf(begun, begun + 10_000_000_000, "A: lost"),)
+        await sitting.until(lambda: back in sitting.shown())
+        source.outages = (*source.outages, Deaf(begun + 20_000_000_000, None, "A: lost"))
+        await sitting.until(lambda: more in sitting.shown())
+        assert well not in sitting.shown()
+
+    use_language(language)
+    try:
+        using(source, work, size=(120, 24), view="home")
+    finally:
+        use_language("en")
+
+
 @posix
 @pytest.mark.parametrize("view", ["1", "6"])
 def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None:
@@ -143,8 +202,6 @@ def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None
     from emulator import Watched
 
     import captures
-    from analyzer.simulation import Scenario, simulate
-    from captures.chunks import Capture
 
     made = simulate(Scenario("noisy", "precise", transactions=600, seed=3))
     captures.write(tmp_path / "bus.jsonl", Capture.of(made.line, made.chunks))
