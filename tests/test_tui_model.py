@@ -658,3 +658,23 @@ def test_a_time_before_1970_is_told_where_the_system_knows_none(monkeypatch: pyt
     assert (time_of_day(-18_437_500), zone_name(-18_437_500, far)) == ("23:59:59.981562", "UTC+03:00")
     assert time_of_day(-18_437_500, far) == "02:59:59.981562"
     assert date_and_time(1795249791416938506, far) == "2026-11-21 11:29:51.416938 UTC+03:00"
+
+
+def test_why_noise_is_noise_is_not_said_against_itself() -> None:
+    from analyzer.languages import telling
+    from analyzer.tui.why import why
+
+    made = simulate(Scenario("noisy", "precise", transactions=200, seed=3))
+    source = CaptureSource(Capture.of(made.line, made.chunks, timed=True), "noisy")
+    bus = Bus.of(source)
+    for analysed in source.steps(bool):
+        bus.feed(analysed)
+    verdicts = {row: next(iter(why(bus, row))).text for row in range(bus.count)}
+    noise = [verdict for row, verdict in verdicts.items() if bus.is_noise(row)]
+    assert noise and not any(each.endswith("than noise") for each in noise)
+    assert any(each.endswith(" noise with other bounds") for each in noise)
+    assert any(verdict.endswith("than noise") for row, verdict in verdicts.items() if not bus.is_noise(row))
+    with telling("ru"):
+        told = {next(iter(why(bus, row))).text for row in range(bus.count)}
+    assert "на 64 бита вероятнее, чем шум в других границах" in told
+    assert not any(re.match(r"на \d*(?<!1)[234] бит ", each) for each in told)
