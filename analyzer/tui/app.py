@@ -23,6 +23,7 @@ from textual.command import CommandList, CommandPalette
 from textual.driver import Driver
 from textual.filter import Monochrome
 from textual.screen import ModalScreen, Screen
+from textual.widgets import Input, TextArea
 
 from dissectors.values import harmless
 
@@ -206,7 +207,9 @@ class Rtuscope(App[None]):
 
     def action_help_quit(self) -> None:
         """Ctrl+C: no way out of its own, it names the one there is."""
-        self.notify(tr("q quits; a running recording asks first"), markup=False)
+        typing = isinstance(self.focused, Input | TextArea)
+        way = tr("Ctrl+Q quits, q is typed here") if typing else tr("q quits")
+        self.notify(tr("{way}; a running recording asks first", way=way), markup=False)
 
     def leave(self, following: NextFile | None = None) -> None:
         """Quit, or go on to a file; while one goes somewhere, after that. A recording does not end unasked, and what is
