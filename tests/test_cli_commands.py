@@ -14,6 +14,7 @@ import pytest
 import yaml
 from running import ROOT, START, environment, ran, refused, spawned
 
+from analyzer import cli
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS, DONE, ENDLESS, FAILURES, add_arguments, load, meanings
 from analyzer.cli.manpage import man_page
@@ -44,7 +45,11 @@ def test_help_tells_the_example(capsys, command):
 
 def test_help_of_what_a_signal_ends_says_that_it_is_done_then():
     """`tests/test_live_sniffing.py` and others end them so."""
-    ending = {name for name in COMMANDS if "ended_from_outside" in Path(load(name).__file__).read_text("utf-8")}
+    ending = {
+        name
+        for name in COMMANDS
+        if "ended_from_outside" in Path(cli.__file__).with_name(f"{name}.py").read_text("utf-8")
+    }
     assert ending
     for command in COMMANDS:
         told = dict(meanings(command))[DONE]

@@ -151,7 +151,7 @@ class Away(CaptureSource):
         super().__init__(Capture.of(made.line, made.chunks, timed=True), "/dev/ttyUSB0")
 
     @property
-    def deaf(self) -> tuple[Deaf, ...]:  # type: ignore[override]
+    def deaf(self) -> tuple[Deaf, ...]:
         return self.outages
 
     def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
