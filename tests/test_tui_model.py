@@ -331,12 +331,25 @@ def test_search_finds_bytes_text_and_values(troubled: Bus) -> None:
     assert all_hits(search.for_bytes("0x00,0x6B")) == [r for r in rows if b"\x00\x6b" in troubled.captured(r)]
     words = [r for r in rows if not troubled.is_noise(r) and "discrete" in troubled.frame(r).summary()]
     assert set(words) <= set(all_hits(search.for_text("Discrete")))
+    assert all_hits(search.for_text("noise")) == [
+        r for r in rows if troubled.is_noise(r) or _says(troubled, r, "noise")
+    ]
+    unit = [r for r in rows if not troubled.is_noise(r) and troubled.table.value("unit", r) == 17]
+    assert unit and set(unit) <= set(all_hits(search.for_text("Unit 17")))
+    for code in troubled.found.by_code:
+        marked = [r for r in rows if code in {each.code for each in troubled.findings(r)}]
+        assert set(marked) <= set(all_hits(search.for_text(code))), code
     carried = all_hits(search.for_value("674"))
     assert carried and all(b"\x02\xa2" in troubled.captured(row) for row in carried)
     for make, wrong in ((search.for_bytes, "zz"), (search.for_text, " "), (search.for_value, "70000"),
                         (search.for_value, "x"), (search.for_value, "inf")):  # fmt: skip
         with pytest.raises(search.SearchError):
             make(wrong)
+
+
+def _says(bus: Bus, row: int, words: str) -> bool:
+    """Whether a finding of a row does."""
+    return any(words in f"{each.code} {each.text}".casefold() for each in bus.findings(row))
 
 
 @pytest.mark.parametrize("order", ["ABCD", "CDAB", "BADC", "DCBA"])
