@@ -219,8 +219,8 @@ def _of_kind_or_unit(folded: str) -> Hits:
 
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
         is_noise = bus.table.column(number, "kind")[low:high] == Kind.NOISE
-        of_unit = (bus.table.column(number, "unit")[low:high] == unit) & ~is_noise
-        return is_noise | of_unit if noise else of_unit
+        of_unit = bus.table.column(number, "unit")[low:high] == unit
+        return np.where(is_noise, noise, of_unit)
 
     return for_test(test)
 
