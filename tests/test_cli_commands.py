@@ -14,8 +14,9 @@ import pytest
 import yaml
 from running import ROOT, START, environment, ran, refused, spawned
 
+from analyzer import cli
 from analyzer.cli.app import Parser
-from analyzer.cli.commands import COMMANDS, FAILURES, add_arguments, load, meanings
+from analyzer.cli.commands import COMMANDS, DONE, ENDLESS, FAILURES, add_arguments, load, meanings
 from analyzer.cli.manpage import man_page
 from analyzer.version import __version__
 from captures import samples
@@ -40,6 +41,20 @@ def test_help_tells_the_example(capsys, command):
     for status, meaning in meanings(command):
         assert f"  {status:<5}{meaning}\n" in done.out
     assert ("\n  1    " in done.out) == (command in FAILURES)
+
+
+def test_help_of_what_a_signal_ends_says_that_it_is_done_then():
+    """`tests/test_live_sniffing.py` and others end them so."""
+    ending = {
+        name
+        for name in COMMANDS
+        if "ended_from_outside" in Path(cli.__file__).with_name(f"{name}.py").read_text("utf-8")
+    }
+    assert ending
+    for command in COMMANDS:
+        told = dict(meanings(command))[DONE]
+        assert ("Ctrl-C" in told) == (command in ENDLESS), command
+    assert ending <= ENDLESS
 
 
 LAKE_COMMANDS = ("ask", "batch", "watch")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -284,6 +285,29 @@ def test_exporting_what_is_selected_or_shown(capture: Path, tmp_path: Path) -> N
         await sitting.press("enter")
         lines = [json.loads(line) for line in await export("unit.jsonl")]
         assert {line["unit"] for line in lines} == {2} and len(lines) == sitting.screen.frames.count()
+
+    using(opened(capture), work)
+
+
+def test_what_findings_write_is_findings_and_a_suffix_is_advised_by_what_there_is(
+    capture: Path, tmp_path: Path
+) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("3", "b", "home", "e")
+        assert "Export the findings of" in sitting.shown()
+        for name, advice in (
+            ("x.html", "as x.html; formats: .csv .jsonl .parquet"),
+            ("x.mcap", "MCAP"),
+        ):
+            sitting.app.screen.query_one(Input).value = str(tmp_path / name)
+            await sitting.press("enter")
+            said = " ".join(sitting.shown().split())
+            assert advice in said and "--format" not in said, said
+        sitting.app.screen.query_one(Input).value = str(tmp_path / "out.jsonl")
+        await sitting.press("enter")
+        await sitting.until(lambda: any("out.jsonl" in notice for notice in sitting.notices()))
+        lines = [json.loads(line) for line in (tmp_path / "out.jsonl").read_text("utf-8").splitlines()]
+        assert Counter(line["code"] for line in lines) == sitting.bus.found.by_code
 
     using(opened(capture), work)
 

@@ -55,6 +55,11 @@ def test_two_spans_and_two_captures_are_compared_at_a_prompt(capture: Path) -> N
     async def work(sitting: Seat) -> None:
         listing = sitting.screen.query_one(ChangeList)
         await sitting.press("A")
+        await sitting.type("0s-1s | 200s-300s")
+        await sitting.press("enter")
+        await sitting.until(lambda: "200s-300s is outside the capture: it ends at" in sitting.shown())
+        assert not listing.count()
+        await sitting.press("ctrl+u")
         await sitting.type("0s-1s | 1s-3s")
         await sitting.press("enter")
         await sitting.until(lambda: listing.changes is not None)

@@ -15,8 +15,12 @@ from seats import Seat, sample_in, using
 from terminals import posix
 
 from analyzer.core import Analysed
+from analyzer.model.source import CaptureSource
+from analyzer.outages import Deaf
+from analyzer.simulation import Scenario, simulate
 from analyzer.tui.live import LiveSource
 from analyzer.tui.openfiles import NextFile
+from captures.chunks import Capture
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
 
@@ -136,6 +140,61 @@ def test_without_a_recording_it_is_said_and_left_at_once() -> None:
     using(Quiet(None), work, size=(120, 24))
 
 
+class Away(CaptureSource):
+    """A tap at a sound bus whose port goes, and comes back."""
+
+    live = True
+    outages: tuple[Deaf, ...] = ()
+
+    def __init__(self) -> None:
+        made = simulate(Scenario("clean", "precise", transactions=40, seed=3))
+        super().__init__(Capture.of(made.line, made.chunks, timed=True), "/dev/ttyUSB0")
+
+    @property
+    def deaf(self) -> tuple[Deaf, ...]:
+        return self.outages
+
+    def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
+        yield from super().steps(stop)
+        while not stop():
+            time.sleep(0.02)
+            yield Analysed.nothing()
+
+
+@pytest.mark.parametrize(
+    ("language", "well", "away", "back", "more"),
+    [
+        ("en", "No problems so far", "Nothing heard since 2026-11-30 12:00:00 UTC: A: lost",
+         "Nothing heard for 10 s from 2026", "1 more such time"),
+        ("ru", "Пока всё в порядке", "Ничего не слышно с 2026-11-30 12:00:00 UTC: A: lost",
+         "Ничего не слышно 10 с, с 2026", "1 такой случай"),
+    ],
+)  # fmt: skip
+def test_home_says_while_nothing_is_heard_and_behind_it_that_nothing_was(
+    language: str, well: str, away: str, back: str, more: str
+) -> None:
+    from analyzer.languages import use_language
+
+    source, begun = Away(), 1_796_040_000_000_000_000
+
+    async def work(sitting: Seat) -> None:
+        await sitting.until(lambda: well in sitting.shown())
+        source.outages = (Deaf(begun, None, "A: lost"),)
+        await sitting.until(lambda: away in sitting.shown())
+        assert well not in sitting.shown()
+        source.outages = (Deaf(begun, begun + 10_000_000_000, "A: lost"),)
+        await sitting.until(lambda: back in sitting.shown())
+        source.outages = (*source.outages, Deaf(begun + 20_000_000_000, None, "A: lost"))
+        await sitting.until(lambda: more in sitting.shown())
+        assert well not in sitting.shown()
+
+    use_language(language)
+    try:
+        using(source, work, size=(120, 24), view="home")
+    finally:
+        use_language("en")
+
+
 @posix
 @pytest.mark.parametrize("view", ["1", "6"])
 def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None:
@@ -143,8 +202,6 @@ def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None
     from emulator import Watched
 
     import captures
-    from analyzer.simulation import Scenario, simulate
-    from captures.chunks import Capture
 
     made = simulate(Scenario("noisy", "precise", transactions=600, seed=3))
     captures.write(tmp_path / "bus.jsonl", Capture.of(made.line, made.chunks))
@@ -234,3 +291,56 @@ def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
         terminal.press("qq").until(lambda: (tmp_path / "bus.mcap").exists())
     notes = [note.text for note in captures.open(tmp_path / "bus.mcap").notes() if note.kind == "mark"]
     assert notes == ["pump on", "pump off", "valve"]
+
+
+@posix
+@pytest.mark.parametrize("octets", [b"\xff", b"\xf4\xfb", b"\x1b[200~\x01\x02\xff\xfeabc\x1b[201~"])
+def test_bytes_that_are_no_utf8_end_neither_the_interface_nor_a_recording(octets: bytes, tmp_path: Path) -> None:
+    from emulator import Watched
+    from livebus import pty
+
+    line, name = pty()
+    with Watched("sniff", name, "--baud", "19200", "--tui", "-o", "bus.mcap", cwd=tmp_path) as terminal:
+        terminal.until("REC bus.mcap").press("1")
+        terminal.press(octets).press("8").press(octets).press("\x1b[17~").press("1")  # in a list, and among typed bytes
+        say(line, range(1, 9))
+        terminal.until("8 frames")
+
+
+_BREAKS = """
+import sys
+
+if "--tui" in sys.orig_argv:  # not the process that reads the port
+    from analyzer.tui.app import Rtuscope
+
+    def broken(self):
+        raise LookupError("on purpose")
+
+    Rtuscope.action_theme_flip = broken
+"""
+
+
+@posix
+@pytest.mark.parametrize("record", [(), ("-o", "bus.mcap")])
+def test_a_defect_that_ends_the_interface_is_a_failure_and_tells_what_was_recorded(
+    record: tuple[str, ...], tmp_path: Path
+) -> None:
+    from emulator import Watched
+    from livebus import pty
+    from running import ROOT
+
+    import captures
+
+    line, name = pty()
+    tmp_path.joinpath("sitecustomize.py").write_text(_BREAKS, "utf-8")
+    paths = f"{tmp_path}{os.pathsep}{ROOT}"
+    arguments = "sniff", name, "--baud", "19200", "--tui", *record
+    with Watched(*arguments, cwd=tmp_path, PYTHONPATH=paths, columns=200) as terminal:
+        terminal.until("following").press("1")
+        say(line, range(1, 9))
+        terminal.until("8 frames").press("D")
+        assert terminal.status() == 2
+        assert "rtuscope: the interface failed, as told above" in terminal.shown()
+        assert ("the recording ended with it: recorded 64 bytes of the line" in terminal.shown()) == bool(record)
+    if record:
+        assert len(b"".join(chunk.data for chunk in captures.open(tmp_path / "bus.mcap").chunks())) == 64

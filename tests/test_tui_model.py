@@ -331,12 +331,25 @@ def test_search_finds_bytes_text_and_values(troubled: Bus) -> None:
     assert all_hits(search.for_bytes("0x00,0x6B")) == [r for r in rows if b"\x00\x6b" in troubled.captured(r)]
     words = [r for r in rows if not troubled.is_noise(r) and "discrete" in troubled.frame(r).summary()]
     assert set(words) <= set(all_hits(search.for_text("Discrete")))
+    assert all_hits(search.for_text("noise")) == [
+        r for r in rows if troubled.is_noise(r) or _says(troubled, r, "noise")
+    ]
+    unit = [r for r in rows if not troubled.is_noise(r) and troubled.table.value("unit", r) == 17]
+    assert unit and set(unit) <= set(all_hits(search.for_text("Unit 17")))
+    for code in troubled.found.by_code:
+        marked = [r for r in rows if code in {each.code for each in troubled.findings(r)}]
+        assert set(marked) <= set(all_hits(search.for_text(code))), code
     carried = all_hits(search.for_value("674"))
     assert carried and all(b"\x02\xa2" in troubled.captured(row) for row in carried)
     for make, wrong in ((search.for_bytes, "zz"), (search.for_text, " "), (search.for_value, "70000"),
                         (search.for_value, "x"), (search.for_value, "inf")):  # fmt: skip
         with pytest.raises(search.SearchError):
             make(wrong)
+
+
+def _says(bus: Bus, row: int, words: str) -> bool:
+    """Whether a finding of a row does."""
+    return any(words in f"{each.code} {each.text}".casefold() for each in bus.findings(row))
 
 
 @pytest.mark.parametrize("order", ["ABCD", "CDAB", "BADC", "DCBA"])
@@ -658,3 +671,23 @@ def test_a_time_before_1970_is_told_where_the_system_knows_none(monkeypatch: pyt
     assert (time_of_day(-18_437_500), zone_name(-18_437_500, far)) == ("23:59:59.981562", "UTC+03:00")
     assert time_of_day(-18_437_500, far) == "02:59:59.981562"
     assert date_and_time(1795249791416938506, far) == "2026-11-21 11:29:51.416938 UTC+03:00"
+
+
+def test_why_noise_is_noise_is_not_said_against_itself() -> None:
+    from analyzer.languages import telling
+    from analyzer.tui.why import why
+
+    made = simulate(Scenario("noisy", "precise", transactions=200, seed=3))
+    source = CaptureSource(Capture.of(made.line, made.chunks, timed=True), "noisy")
+    bus = Bus.of(source)
+    for analysed in source.steps(bool):
+        bus.feed(analysed)
+    verdicts = {row: next(iter(why(bus, row))).text for row in range(bus.count)}
+    noise = [verdict for row, verdict in verdicts.items() if bus.is_noise(row)]
+    assert noise and not any(each.endswith("than noise") for each in noise)
+    assert any(each.endswith(" noise with other bounds") for each in noise)
+    assert any(verdict.endswith("than noise") for row, verdict in verdicts.items() if not bus.is_noise(row))
+    with telling("ru"):
+        told = {next(iter(why(bus, row))).text for row in range(bus.count)}
+    assert "на 64 бита вероятнее, чем шум в других границах" in told
+    assert not any(re.match(r"на \d*(?<!1)[234] бит ", each) for each in told)

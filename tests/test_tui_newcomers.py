@@ -20,7 +20,7 @@ from analyzer import languages
 from analyzer.languages import grouped, page_words, tr
 from analyzer.meant import meant
 from analyzer.model.selection import compiled
-from analyzer.model.source import CaptureSource
+from analyzer.model.source import CaptureSource, Nothing
 from analyzer.model.spoken import spoken
 from analyzer.model.times import span
 from analyzer.simulation import Scenario, simulate
@@ -135,6 +135,27 @@ def test_help_begins_with_the_view_in_sight_and_keys_are_called_as_they_are_engr
         assert "In Registers" in sitting.shown().split("Views")[0]
 
     using(opened(capture), work, view="registers")
+
+
+def test_where_bytes_are_typed_help_and_ctrl_c_tell_what_acts_there(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("8", "ctrl+c")
+        await sitting.until(lambda: "Ctrl+Q quits, q is typed here; a running" in sitting.notices()[-1])
+        await sitting.press("f1")
+        first = sitting.shown().split("Views")[0]
+        assert "Where bytes are typed" in first and "Ctrl+L" in first and "Back to the keys of the views" in first
+        await sitting.press("escape", "escape", "2", "ctrl+c")
+        await sitting.until(lambda: sitting.notices()[-1].startswith("q quits"))
+
+    using(opened(capture), work)
+
+
+def test_that_there_is_no_capture_is_told_in_the_language_in_use() -> None:
+    from analyzer.languages import telling
+
+    assert Nothing().name == "no capture"
+    with telling("ru"):
+        assert Nothing().name == "без записи"
 
 
 def test_a_list_that_comes_up_has_its_own_row_below(capture: Path) -> None:

@@ -88,3 +88,16 @@ def test_spans_as_people_write_them(text: str, begins: str, ends: str) -> None:
 def test_what_is_no_span_is_said(text: str) -> None:
     with pytest.raises(GotoError):
         span(text, _bus())
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("2000min-3000min", "2000min-3000min is outside the capture: it ends at 1 d 6 h"),
+        ("2026-11-21 06:00-08:00", "is outside the capture: it begins at 2026-11-21 08:29:30.000000 UTC"),
+        ("2026-11-23 06:00-08:00", "is outside the capture: it ends at 2026-11-22 14:29:30.000000 UTC"),
+    ],
+)
+def test_a_span_of_which_the_capture_has_no_moment_is_said(text: str, says: str) -> None:
+    with pytest.raises(GotoError, match=says):
+        span(text, _bus())

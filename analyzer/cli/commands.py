@@ -112,24 +112,24 @@ FAILURES: Final = {  # what status 1 tells, by command; the others do not end wi
     "repair": "no line data could be recovered",
 }
 MEANINGS: Final = (
-    (DONE, "done"),
+    (DONE, "done; what listens or serves is done when Ctrl-C or a signal ends it"),
     (
         FAILED,
         "the input holds no frame, an assertion fails, a recording lost bytes, or a capture of a batch is damaged",
     ),
     (UNUSABLE, "unusable arguments or input; one line explains why"),
-    (INTERRUPTED, "interrupted (Ctrl-C or a signal); partial output is kept"),
+    (INTERRUPTED, "interrupted (Ctrl-C or a signal) before all was done; partial output is kept"),
 )
+ENDLESS: Final = frozenset({"sniff", "record", "between", "tap", "replay", "twin", "watch"})  # until a signal ends them
 
 
 def meanings(command: str) -> tuple[tuple[int, str], ...]:
     """The exit statuses of one command, with what each tells."""
-    own = FAILURES.get(command)
-    return tuple(
-        (status, words if status != FAILED or own is None else own)
-        for status, words in MEANINGS
-        if status != FAILED or own is not None
-    )
+    own = {
+        DONE: "done, also when ended by Ctrl-C or a signal" if command in ENDLESS else "done",
+        FAILED: FAILURES.get(command),
+    }
+    return tuple((status, meant) for status, words in MEANINGS if (meant := own.get(status, words)) is not None)
 
 
 class UsageError(Exception):

@@ -47,10 +47,14 @@ def show_interface(
     recorder: Recorder | None = None,
     fire: Callable[[int], None] | None = None,
 ) -> int:
-    """A session in the terminal interface, watched for what --trigger says; `fire` is told the time of each."""
+    """A session in the terminal interface, watched for what --trigger says; `fire` is told the time of each.
+
+    Where a defect ends it, what is recorded by then is told with that.
+    """
     from ..filters import FilterError
     from ..live.conditions import LiveTrigger
     from ..tui.live import LiveSource, show_live
+    from ..tui.viewer import InterfaceError
 
     charts = chosen_charts(arguments)
     watched_for = partial(LiveTrigger, rest_ns=int(arguments.after * 1e9), hit=fire or bool)
@@ -59,4 +63,9 @@ def show_interface(
         source.watch(arguments.trigger or "", charts)
     except FilterError as error:
         raise UsageError(f"--trigger: {error}") from error
-    return show_live(source, charts)
+    try:
+        return show_live(source, charts)
+    except InterfaceError as error:
+        if recorder is None:
+            raise
+        raise InterfaceError(f"{error}; the recording ended with it: {recorder.result}") from error

@@ -101,11 +101,12 @@ def listen(
                 outlets=outlets,
             )
             if arguments.tui:
-                return show_interface(arguments, session, arguments.port, recorder, fire)
-            watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
-            abandon = partial(_abandon, session, recorder, tell)
-            with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon) as begun:
-                status = watch.run(begun)
+                status = show_interface(arguments, session, arguments.port, recorder, fire)
+            else:
+                watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
+                abandon = partial(_abandon, session, recorder, tell)
+                with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon) as begun:
+                    status = watch.run(begun)
         if recorder is not None and recorder.lost:
             tell(recorder.result)
             return FAILED

@@ -20,6 +20,8 @@ from dissectors.maps.files import UnitMaps
 from ..languages import error_words, tr, wording
 from ..registers.readings import mapped_columns
 from ..tables.columns import decode
+from ..tables.findings import described
+from ..tables.schema import Kind
 from ..words import UNITS_NS
 from .bus import Bus
 from .selection import ListRows, Test
@@ -188,14 +190,17 @@ def for_bytes(text: str) -> Hits:
 
 
 def for_text(text: str) -> Hits:
-    """Rows whose bytes, as characters, or whose words in the list hold this text; case does not matter."""
+    """Rows whose bytes, as characters, or whose words hold this text, and all of a unit that it names; case does not
+    matter. Words are what is said of a frame, what is found of it, and that noise is noise."""
     if not text.strip():
         raise SearchError(tr("nothing to search for"))
     pattern = re.compile(re.escape(text.encode()), re.IGNORECASE)
-    folded, wordings = text.casefold(), {ENGLISH, wording()}
+    folded, wordings = " ".join(text.casefold().split()), {ENGLISH, wording()}
+    of_kind = _of_kind_or_unit(folded)
 
     def hits(bus: Bus, first: int, last: int) -> _Rows:
         rows = set(_holding(bus, pattern, first, last).tolist())
+        rows.update(of_kind(bus, first, last).tolist(), _with_found(bus, first, last, folded).tolist())
         for row in range(first, last):
             if row not in rows and not bus.is_noise(row):
                 frame = bus.frame(row)
@@ -204,6 +209,27 @@ def for_text(text: str) -> Hits:
         return np.array(sorted(rows), np.int64)
 
     return hits
+
+
+def _of_kind_or_unit(folded: str) -> Hits:
+    """Rows of noise, where a text is in its name, and of the unit that a text names."""
+    noise = any(folded in words.casefold() for words in ("noise", tr("noise")))
+    named = {words.casefold(): unit for unit in range(256) for words in (f"unit {unit}", tr("unit {unit}", unit=unit))}
+    unit = named.get(folded, -1)
+
+    def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+        is_noise = bus.table.column(number, "kind")[low:high] == Kind.NOISE
+        of_unit = bus.table.column(number, "unit")[low:high] == unit
+        return np.where(is_noise, noise, of_unit)
+
+    return for_test(test)
+
+
+def _with_found(bus: Bus, first: int, last: int, folded: str) -> _Rows:
+    """Rows on which a finding stands whose code or words hold a text."""
+    rows, found = bus.found.rules(first, last)[0], bus.found.on(np.arange(first, last))
+    holds = [folded in each.code or folded in each.text.casefold() for each in described(found)]
+    return np.unique(rows[np.array(holds, np.bool_)])
 
 
 def for_value(text: str, charts: UnitMaps | None = None) -> Hits:

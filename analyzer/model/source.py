@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
+from ..languages import tr
 from ..options import Options
 from ..outages import Deaf, deaf_times, notes_of
 
@@ -121,13 +122,16 @@ class CaptureSource:
 class Nothing:
     """No capture at all: only the paste prompt, with what was pasted already."""
 
-    name = "no capture"
     timed = False
     live = False
     path = None
 
     def __init__(self, pasted: str = "") -> None:
         self.pasted = pasted
+
+    @property
+    def name(self) -> str:
+        return tr("no capture")
 
     @property
     def line(self) -> LineSettings:

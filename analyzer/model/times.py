@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta, tzinfo
 from typing import TYPE_CHECKING, Final
 
 from ..languages import tr
-from ..words import UNITS_NS, is_clock, moment_of, unit_word, zone_name
+from ..words import UNITS_NS, date_and_time, duration, is_clock, moment_of, unit_word, zone_name
 
 if TYPE_CHECKING:
     from .bus import Bus
@@ -64,17 +64,19 @@ def moment(text: str, bus: Bus, zone: tzinfo = UTC) -> int:
 def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -> tuple[int, int]:
     """The time from .. to, in ns, that `text` names (see SPANS); without a day the last one of the capture that has it.
 
-    `now` tells what today is. Raises GotoError.
+    `now` tells what today is. Raises GotoError, also where the capture has no moment of that time.
     """
     text = text.strip().lower()
     if not bus.timed or not bus.count:
         raise GotoError(tr("no times in this capture"))
     for one, other in _halves(text):
         if since := _since_start(one, other):
-            return _ordered(bus.t_first + since[0], bus.t_first + since[1])
+            last = duration(bus.t_last - bus.t_first)
+            return _within(_ordered(bus.t_first + since[0], bus.t_first + since[1]), bus, text, duration(0), last)
         begin, end = _CLOCK.fullmatch(one), _CLOCK.fullmatch(other)
         if begin and end:
-            return _of_clocks(begin, end, bus, zone, now, text)
+            told = _of_clocks(begin, end, bus, zone, now, text)
+            return _within(told, bus, text, date_and_time(bus.t_first, zone), date_and_time(bus.t_last, zone))
     raise GotoError(tr("{text!r} is not a span: {forms}", text=text[:40], forms=tr(SPANS)))
 
 
@@ -149,3 +151,12 @@ def _ordered(low: int, high: int) -> tuple[int, int]:
     if high <= low:
         raise GotoError(tr("it ends before it begins"))
     return low, high
+
+
+def _within(span: tuple[int, int], bus: Bus, text: str, first: str, last: str) -> tuple[int, int]:
+    """The span, if the capture, which is told to go from `first` to `last`, has a moment of it."""
+    if span[0] > bus.t_last:
+        raise GotoError(tr("{text} is outside the capture: it ends at {last}", text=text[:40], last=last))
+    if span[1] < bus.t_first:
+        raise GotoError(tr("{text} is outside the capture: it begins at {first}", text=text[:40], first=first))
+    return span

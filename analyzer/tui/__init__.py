@@ -37,16 +37,17 @@ def run(
 
     `view` is what is shown first: `frames`, `home`, `paste` …; None: the transactions, or Home where a capture
     has causes to tell. `zone` is that of times of day; `charts` gives the maps of units; `reader` opens a file when the
-    user wants another one, or the same anew.
+    user wants another one, or the same anew. `viewer.InterfaceError` where a defect ended it.
     """
     gc.disable()  # until the first rows stand there, see `Jobs`: none of what is imported and built is garbage
     try:
         from .app import Rtuscope
+        from .viewer import shown
 
         app = Rtuscope(source, view=view, light=light, reader=reader)
         app.desk.zone = zone
         if charts is not None:
             app.desk.charts = charts
-        app.run()
+        shown(app)
     finally:
         gc.enable()

@@ -23,6 +23,7 @@ from textual.command import CommandList, CommandPalette
 from textual.driver import Driver
 from textual.filter import Monochrome
 from textual.screen import ModalScreen, Screen
+from textual.widgets import Input, TextArea
 
 from dissectors.values import harmless
 
@@ -39,7 +40,7 @@ from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .prompts import Choose
 from .screen import BusScreen
-from .viewer import ending_with_its_server, heed_lost_terminal
+from .viewer import ending_with_its_server, heed_lost_terminal, reading_any_byte
 from .wire import ThinWire
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ class Rtuscope(App[None]):
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_BROAD, "-broad")]
 
     def get_driver_class(self) -> type[Driver]:
-        driver = super().get_driver_class()
+        driver = reading_any_byte(super().get_driver_class())
         return ending_with_its_server(driver) if "TEXTUAL_DRIVER" in os.environ else driver
 
     def get_line_filters(self) -> Sequence[LineFilter]:
@@ -206,7 +207,9 @@ class Rtuscope(App[None]):
 
     def action_help_quit(self) -> None:
         """Ctrl+C: no way out of its own, it names the one there is."""
-        self.notify(tr("q quits; a running recording asks first"), markup=False)
+        typing = isinstance(self.focused, Input | TextArea)
+        way = tr("Ctrl+Q quits, q is typed here") if typing else tr("q quits")
+        self.notify(tr("{way}; a running recording asks first", way=way), markup=False)
 
     def leave(self, following: NextFile | None = None) -> None:
         """Quit, or go on to a file; while one goes somewhere, after that. A recording does not end unasked, and what is

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 from textual.binding import Binding, BindingType
 
+from dissectors.values import harmless
+
 from ..languages import counted, tr
+from ..outages import unheard
 from ..reports.findings import left_words
-from ..words import compact, decimal, duration, percent, rough_percent, short, short_bound
+from ..words import compact, decimal, duration, moment, percent, rough_percent, short, short_bound
 from .filterbar import FilterBar
 from .health import bad_count, badness, facts_items, is_due, slow_units, slow_words, unit_items
 from .items import FrameDetail, of_cause, whose
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
     from ..causes.leftovers import Left
     from ..causes.registry import Cause
+    from ..model.bus import Bus
     from ..reports.model import Report, UnitRow
     from .desk import ViewState
     from .screen import BusScreen
@@ -175,12 +179,16 @@ class HomeList(Lines):
             return [StyledText(f"  {verdict}", "error"), totals]
         if self.desk.scope.narrows:
             return [StyledText(f"  {tr('No cause affects what is shown')}"), totals]
+        if _is_away(bus):
+            return [StyledText(f"  {_deaf_words(bus)}", "error"), totals]
         if state.not_explained:
             words = tr("Not explained: {words}", words=left_words(state.not_explained[0]))
             return [StyledText(f"  {words}", "warning"), totals]
         grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
         if grave:
             return [StyledText(f"  {tr('Isolated problems without a cause')}", "warning"), totals]
+        if bus.deaf:
+            return [StyledText(f"  {_deaf_words(bus)}", "warning"), totals]
         return [StyledText(f"  {tr('No problems found') if bus.whole else tr('No problems so far')}", "good"), totals]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
@@ -238,6 +246,22 @@ class HomeList(Lines):
         return FrameDetail("", b"", ())
 
 
+def _is_away(bus: Bus) -> bool:
+    """Whether nothing can be heard now."""
+    return bool(bus.deaf) and bus.deaf[-1].to_ns is None and not bus.whole
+
+
+def _deaf_words(bus: Bus) -> str:
+    """The newest time in which nothing was heard, and how many there were; that of a port that is away has no end."""
+    newest, more = bus.deaf[-1], len(bus.deaf) - 1
+    if _is_away(bus):
+        words = tr("nothing heard since {moment}: {text}", moment=moment(newest.from_ns), text=harmless(newest.text))
+    else:
+        words = unheard(newest)
+    words = f"{words[:1].upper()}{words[1:]}"
+    return f"{words}; {counted(more, 'more such time', 'more such times')}" if more else words
+
+
 def _cause_line(cause: Cause, causes: Sequence[Cause], width: int) -> list[StyledText]:
     """One of several, under each other; where there is little room only the cause's own words."""
     letter = StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity)
@@ -266,7 +290,7 @@ def _reckon(screen: BusScreen) -> None:
     """Newer figures, for whoever asks first: one reckoning serves Home in sight and whether it comes up."""
     home, bus = screen.query_one(HomeList), screen.desk.bus
     figures, source = screen.desk.figures, screen.desk.source
-    basis = bus.count, bus.found.count, bus.whole, id(figures)
+    basis = bus.count, bus.found.count, bus.whole, id(figures), tuple(bus.deaf)
 
     def work(_: object) -> BusState:
         whole, story = bus.whole, bus.story()

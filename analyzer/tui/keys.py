@@ -28,6 +28,7 @@ from .filterbar import FilterInput
 from .findings import FindingList
 from .home import HomeList
 from .lines import Lines
+from .pastepane import PasteText
 from .polllist import PollList
 from .registerlist import RegisterList
 from .timeline import Timeline
@@ -141,7 +142,7 @@ _WIDGETS: Final[tuple[tuple[str, type[Widget]], ...]] = (
     ("At Home", HomeList), ("In Transactions", TransactionList), ("In Findings", FindingList), ("In Polls", PollList),
     ("In Units", UnitList), ("In Then and now", ChangeList),
     ("In Registers", RegisterList), ("In the timeline", Timeline), ("In any list", Lines), ("In the fields", Details),
-    ("In the bytes", BytesPane), ("In the filter's line", FilterInput),
+    ("In the bytes", BytesPane), ("In the filter's line", FilterInput), ("Where bytes are typed", PasteText),
 )  # fmt: skip
 
 

@@ -6,7 +6,9 @@ Copied, bytes are text to paste elsewhere: a way is an entry here. Exports are t
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, cast
@@ -15,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Analysed
-from ..exports.sink import OutputStream
+from ..exports.sink import ExportOptions, OutputStream
 from ..languages import counted, error_words, retold, tr
 from ..model.bus import Bus
 from ..model.selection import Selection
@@ -29,8 +31,6 @@ from .threads import Stop
 from .views import BY_NAME
 
 if TYPE_CHECKING:
-    from dissectors.maps.files import UnitMaps
-
     from ..model.source import ViewSource
     from .screen import BusScreen
 
@@ -56,37 +56,43 @@ WAYS: Final = (
 
 
 _AT_ONCE: Final = 1 << 12  # rows
+_FRAMES: Final = ExportOptions(noise=True)
+_OF_THE_BUS: Final = np.array([-1])  # where findings stand that are on no row
 
 
 def save(
-    bus: Bus, source: ViewSource, rows: NDArray[np.int64], path: Path, stop: Stop = bool, charts: UnitMaps | None = None
+    bus: Bus,
+    source: ViewSource,
+    rows: NDArray[np.int64],
+    path: Path,
+    stop: Stop = bool,
+    options: ExportOptions = _FRAMES,
 ) -> int:
     """Write these rows (ascending), noise among them if it is chosen, to a file; how many were written.
 
     By suffix: jsonl, csv, mcap. A transaction is written with its request or with its answer, whole, so that a request
-    is never called unanswered because its answer was not chosen. With `charts` it is the values that the rows carry,
-    by the names that these give them. The file appears whole or not at all, holding what came before `stop` said True.
+    is never called unanswered because its answer was not chosen. `options` may name another table: the values that the
+    rows carry, by the names that its charts give them, or their findings. The file appears whole or not at all, holding
+    what came before `stop` said True.
     Raises ExportError and CaptureError.
     """
     from ..exports.sink import output
 
     with output(path, source=source.path) as stream:
-        return write(bus, source, rows, path, stream, stop, charts)
+        return write(bus, source, rows, path, stream, stop, options)
 
 
 def write(
     bus: Bus, source: ViewSource, rows: NDArray[np.int64], name: Path, stream: OutputStream, stop: Stop = bool,
-    charts: UnitMaps | None = None,
+    options: ExportOptions = _FRAMES,
 ) -> int:  # fmt: skip
     """What `save` puts into a file called `name`, to an open stream."""
     from captures.chunks import Capture
 
-    from ..exports import ExportOptions
     from ..exports.running import open_sink
     from ..exports.sink import format_name
 
     capture = Capture.of(source.line, (), timed=source.timed)
-    options = ExportOptions(noise=True) if charts is None else ExportOptions(table="values", charts=charts)
     sink = open_sink(stream, capture, options, format_name(name))
     first = 0
     while first < len(rows) and not stop():
@@ -97,6 +103,8 @@ def write(
         findings = NOTHING if batch.findings is None else batch.findings
         sink.batch(Analysed(batch, bus.transactions(_requests(bus, part, rows)), findings))
         first += len(part)
+    if first == bus.count:  # who has all rows has what is found of the bus as a whole
+        sink.batch(replace(Analysed.nothing(), findings=bus.found.on(_OF_THE_BUS)))
     sink.close()
     return first
 
@@ -110,7 +118,8 @@ def _requests(bus: Bus, part: NDArray[np.int64], chosen: NDArray[np.int64]) -> N
 
 
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
-_OF_VALUES: Final = ("registers", "polls")  # views whose export is what registers held, by name
+_TABLES: Final = {"registers": "values", "polls": "values", "findings": "findings"}  # of a view's export; else frames
+_SUBJECTS: Final = {"values": "the values of {rows}", "findings": "the findings of {rows}"}
 _COPIED: Final = 1 << 20  # bytes, at most
 
 
@@ -208,13 +217,13 @@ class PickedRows:
             return
         some = tr("the rows") if count is None else counted(count, "row", "rows")
         subject = some + (tr(" shown") if picked is None else tr(" selected"))
-        charts = screen.desk.meanings.charts if screen.view in _OF_VALUES else None
-        if charts is not None:
-            subject = tr("the values of {rows}", rows=subject)
+        table = _TABLES.get(screen.view, "frames")
+        options = _FRAMES if table == "frames" else ExportOptions(table=table, charts=screen.desk.meanings.charts)
+        if table in _SUBJECTS:
+            subject = tr(_SUBJECTS[table], rows=subject)
         question = tr("Download {rows} as", rows=subject) if app.is_web else tr("Export {rows} to", rows=subject)
-        wrong = _no_download if app.is_web else _no_file
-        name = "frames.csv" if charts is None else "values.csv"
-        text = await app.push_screen_wait(Ask(question, _formats(charts is not None), wrong=wrong, value=name))
+        wrong = partial(_no_download if app.is_web else _no_file, table=table)
+        text = await app.push_screen_wait(Ask(question, _formats(table), wrong=wrong, value=f"{table}.csv"))
         if not text:
             return
         path = typed_path(text)
@@ -225,18 +234,18 @@ class PickedRows:
         shown = screen.jobs.shown()
 
         def work(stop: Stop) -> _Saved:
-            return self._save(shown(stop) if picked is None else picked, path, stop, charts)
+            return self._save(shown(stop) if picked is None else picked, path, stop, options)
 
         screen.jobs.run("export", work, lambda saved: self._saved(path, saved), exclusive=False)
 
-    def _save(self, rows: NDArray[np.int64], path: Path, stop: Stop, charts: UnitMaps | None) -> _Saved:
+    def _save(self, rows: NDArray[np.int64], path: Path, stop: Stop, options: ExportOptions) -> _Saved:
         """Write them: for a browser to a file without a name, since nobody there is to name files of this machine."""
         bus, source = self._screen.desk.bus, self._screen.desk.source
         try:
             if not self._screen.app.is_web:
-                return _Saved(save(bus, source, rows, path, stop, charts))
+                return _Saved(save(bus, source, rows, path, stop, options))
             nameless = cast(BinaryIO, TemporaryFile())  # noqa: SIM115 - the browser takes it
-            count = write(bus, source, rows, path, OutputStream(nameless), stop, charts)
+            count = write(bus, source, rows, path, OutputStream(nameless), stop, options)
             nameless.seek(0)
             return _Saved(count, file=nameless)
         except Exception as error:  # told in one line
@@ -255,36 +264,41 @@ class PickedRows:
             screen.notify_of(tr("{rows} written to {file}", rows=rows, file=path.absolute()))
 
 
-def _formats(of_values: bool) -> str:
+def _suffixes(table: str) -> Sequence[str]:
+    """Formats that hold rows of a table, or frames, of a part of a capture."""
     from ..exports.recordfiles import TABULAR
     from ..exports.sink import formats, target
 
-    if of_values:
-        return tr("a file; its suffix sets the format: {formats}", formats=" ".join(f".{name}" for name in TABULAR))
-
-    of_parts = [name for name in formats() if not hasattr(target("-", name), "WHOLE")]
-    words = tr("a file; its suffix sets the format: {formats}", formats=" ".join(f".{name}" for name in of_parts))
-    return f"{words}. {tr('A .pcapng opens in Wireshark and here')}"
+    return TABULAR if table != "frames" else [name for name in formats() if not hasattr(target("-", name), "WHOLE")]
 
 
-def _no_file(text: str) -> str:
+def _formats(table: str) -> str:
+    names = " ".join(f".{name}" for name in _suffixes(table))
+    words = tr("a file; its suffix sets the format: {formats}", formats=names)
+    return words if table != "frames" else f"{words}. {tr('A .pcapng opens in Wireshark and here')}"
+
+
+def _no_file(text: str, table: str = "frames") -> str:
     """Why an export cannot go to a file of that name; empty where it can."""
     path = typed_path(text)
-    return _no_format(path) or ("" if names_folder(path.parent) else tr("no folder {folder}", folder=Path(text).parent))
+    folder = "" if names_folder(path.parent) else tr("no folder {folder}", folder=Path(text).parent)
+    return _no_format(path, table) or folder
 
 
-def _no_download(text: str) -> str:
+def _no_download(text: str, table: str = "frames") -> str:
     """Why a browser cannot be given a file of that name; empty where it can."""
     if not _PLAIN.fullmatch(text):
         return tr("a plain name, such as frames.csv: the browser decides where it goes")
-    return _no_format(Path(text))
+    return _no_format(Path(text), table)
 
 
-def _no_format(path: Path) -> str:
-    from ..exports import ExportError
-    from ..exports.sink import target
+def _no_format(path: Path, table: str) -> str:
+    """Why no export has that suffix, told by what can be done here."""
+    from ..exports.sink import formats, target
 
-    try:
-        return retold(getattr(target(path), "WHOLE", ""))
-    except ExportError as error:
-        return error_words(error)
+    suffix = path.suffix.removeprefix(".").lower()
+    if suffix in _suffixes(table):
+        return ""
+    whole = getattr(target("-", suffix), "WHOLE", "") if suffix in formats() else ""
+    names = " ".join(f".{name}" for name in _suffixes(table))
+    return retold(whole) or tr("nothing is exported as {name}; formats: {formats}", name=path.name, formats=names)

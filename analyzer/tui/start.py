@@ -21,8 +21,10 @@ from ..languages import tr
 from .lines import Lines
 from .messages import LineEntered
 from .paint import DARK, HARMLESS, LIGHT, StyledText, fitted
+from .viewer import reading_any_byte, shown
 
 if TYPE_CHECKING:
+    from textual.driver import Driver
     from textual.filter import LineFilter
 
 
@@ -115,6 +117,9 @@ class StartApp(App[str]):
         self.theme = (LIGHT if light else DARK).name
         self._things, self._wrong = things, wrong
 
+    def get_driver_class(self) -> type[Driver]:
+        return reading_any_byte(super().get_driver_class())
+
     def get_line_filters(self) -> Sequence[LineFilter]:
         return [*super().get_line_filters(), HARMLESS]
 
@@ -124,4 +129,4 @@ class StartApp(App[str]):
 
 def begin(things: Sequence[AtHand], wrong: str = "") -> str | None:
     """What the user typed, pasted or chose; None where they left. `wrong`: why the last choice could not be used."""
-    return StartApp(things, wrong=wrong).run()
+    return shown(StartApp(things, wrong=wrong))

@@ -1,9 +1,10 @@
-"""Where the interface's viewer is gone: the server of a browser's tab, or a terminal.
+"""The interface's viewer, a terminal or a browser's tab: whatever it sends, where it is gone, how the interface ended.
 
 Textual's driver for browsers stops reading where its input ends, as it does when the server is killed, and the
 application would wait for keys for ever: it ends with that server. That for terminals reads nothing again and again.
 Who closes a terminal ends the interface by a signal; where that is ignored (`nohup`) it goes on without keys, and so
-does what it records.
+does what it records. A byte that is no UTF-8, pasted or typed in another encoding, ends the thread that reads keys, and
+with it the application: it is read as U+FFFD here.
 """
 
 from __future__ import annotations
@@ -11,17 +12,51 @@ from __future__ import annotations
 import os
 import select
 import sys
-from typing import TYPE_CHECKING, Any, Final, TextIO, cast
+from codecs import IncrementalDecoder, getincrementaldecoder
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final, TextIO, TypeVar, cast
 
+from rich.console import Console
 from textual import messages
 from textual.driver import Driver
+
+from ..errors import RtuscopeError
 
 if TYPE_CHECKING:
     from textual.app import App
     from textual.timer import Timer
 
+_T = TypeVar("_T")
+
 _PATIENCE_S: Final = 5.0
 _LOOK_S: Final = 2.0
+_DECODERS: Final = "getincrementaldecoder"  # as Textual's drivers import it
+
+
+class InterfaceError(RtuscopeError):
+    """A defect ended the interface; Textual has told it."""
+
+
+def shown(app: App[_T]) -> _T | None:
+    """Run an application to its end; what it gives. InterfaceError where it did not end by itself."""
+    app.error_console = Console(markup=False, highlight=False, stderr=True, color_system=None)  # of escapes none pass
+    given = app.run()
+    if app.return_code:
+        raise InterfaceError("the interface failed, as told above; please report it")
+    return given
+
+
+def reading_any_byte(driver: type[Driver]) -> type[Driver]:
+    """The same driver, for which no byte is an error: it makes its decoder by a name of its own module."""
+    module = sys.modules[driver.__module__]
+    if hasattr(module, _DECODERS):
+        setattr(module, _DECODERS, _replacing)
+    return driver
+
+
+def _replacing(encoding: str) -> Callable[[], IncrementalDecoder]:
+    return partial(getincrementaldecoder(encoding), errors="replace")
 
 
 def heed_lost_terminal(app: App[Any]) -> None:

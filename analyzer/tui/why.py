@@ -29,7 +29,8 @@ def why(bus: Bus, row: int) -> Iterator[Item]:
     if weighed is None:
         return
     if weighed.margin > 0:
-        verdict = tr("{bits:.0f} bits likelier than {rival}", bits=weighed.margin, rival=_rival(bus, row, weighed))
+        margin = counted(round(weighed.margin), "bit", "bits")
+        verdict = tr("{margin} likelier than {rival}", margin=margin, rival=_rival(bus, row, weighed))
     else:
         verdict = tr("no alternative")
     yield Item(
@@ -41,7 +42,7 @@ def why(bus: Bus, row: int) -> Iterator[Item]:
 def _rival(bus: Bus, row: int, weighed: RowEvidence) -> str:
     """What would stand here instead."""
     if weighed.rival_kind == Kind.NOISE or not weighed.rival_length:
-        return tr("noise")
+        return tr("noise with other bounds") if bus.is_noise(row) else tr("noise")
     ahead = weighed.rival_start - bus.table.value("start", row)
     where = tr("from here on")
     if ahead:

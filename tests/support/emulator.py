@@ -127,11 +127,12 @@ class Watched:
             os.execv(sys.executable, [sys.executable, "-m", "analyzer.cli", *arguments])
         self.picture = Picture(columns, rows)
         self.raw, self.count = b"", 0
+        self.over = False
         self._text = codecs.getincrementaldecoder("utf-8")(errors="replace")  # a read may end inside a character
 
-    def press(self, keys: str, quiet: float = 0.4) -> Watched:
+    def press(self, keys: str | bytes, quiet: float = 0.4) -> Watched:
         """Type all of it at once; wait until nothing comes any more."""
-        os.write(self.fd, keys.encode())
+        os.write(self.fd, keys.encode() if isinstance(keys, str) else keys)
         self.settle(quiet)
         return self
 
@@ -167,15 +168,24 @@ class Watched:
         self.picture.feed(self._text.decode(data))
         return bool(data)
 
+    def status(self) -> int:
+        """Wait for its end."""
+        end, ended, status = time.monotonic() + PATIENCE_S, 0, 0
+        while not ended:
+            assert time.monotonic() < end, self.shown()
+            self._read(0.1)
+            ended, status = os.waitpid(self.pid, os.WNOHANG)
+        while self._read(0.1):
+            pass
+        self.over = True
+        return os.waitstatus_to_exitcode(status)
+
     def close(self) -> None:
         """End it, if it has not ended."""
-        try:
+        os.close(self.fd)
+        if not self.over:
             os.kill(self.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            return
-        finally:
-            os.close(self.fd)
-        os.waitpid(self.pid, 0)
+            os.waitpid(self.pid, 0)
 
     def __enter__(self) -> Watched:
         return self
