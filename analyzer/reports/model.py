@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from captures.line import LineSettings
+
 from ..tables.schema import bounds_of
 from ..words import between
 
@@ -292,6 +294,8 @@ class Report:
     units: tuple[UnitRow, ...]
     functions: tuple[FunctionRow, ...]
     exceptions: tuple[ExceptionRow, ...]
+    parity: str | None = None
+    stop_bits: float | None = None
     tcp_frames: int = 0  # of `frames`, those of Modbus TCP, on no line of ours
     foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
     not_modbus: str = ""  # the protocol that this is instead, where that is known
@@ -310,6 +314,11 @@ class Report:
     values: tuple[WatchedValue, ...] = ()  # what registers held, by a map or as far as inference is sure
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
     deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing
+
+    @property
+    def line(self) -> LineSettings:
+        """How the line was set."""
+        return LineSettings(self.baud, self.char_bits, self.parity, self.stop_bits, self.tap)
 
     @property
     def span_ns(self) -> int | None:

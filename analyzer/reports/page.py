@@ -12,6 +12,7 @@ from typing import Final
 from dissectors.values import harmless
 
 from ..languages import counted, grouped, page_words, phrase, retold
+from ..languages.linewords import line_words
 from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables
@@ -54,7 +55,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "capture", ", ".join(named) or page_words("unnamed")
     if report.filter:
         yield "filter", page_words("{filter} (the rest of the report covers matching rows only)", filter=report.filter)
-    yield "line", _line_words(report)
+    yield "line", line_words(report.line)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
@@ -113,17 +114,6 @@ def nothing(report: Report) -> str:
     return f"{words} " + page_words(
         "The line speaks another protocol, or the tap is set to another speed than the line."
     )
-
-
-def _line_words(report: Report) -> str:
-    if report.baud is None:
-        return page_words("baud not known")
-    parts = [page_words("{baud} bit/s", baud=report.baud)]
-    if report.char_bits is not None:
-        parts.append(page_words("{bits:g}-bit characters", bits=report.char_bits))
-    if report.tap:
-        parts.append(page_words("tap {tap}", tap=report.tap))
-    return ", ".join(parts)
 
 
 def _span(report: Report) -> str:

@@ -229,8 +229,7 @@ class StatusLine(Painted):
         line = self.desk.source.line
         if not line.baud:
             return tr("baud not known")
-        stop = f"{line.stop_bits:g}" if line.stop_bits else ""
-        return f"{line.baud}{f' 8{line.parity}{stop}' if line.parity else ''}"
+        return " ".join(filter(None, (str(line.baud), line.character_format)))
 
     def _finding_counts(self) -> list[StyledText]:
         counts = self.desk.bus.found.by_severity
