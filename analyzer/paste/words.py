@@ -16,7 +16,7 @@ from .model import Envelope, PastedFrame, PastePart, Piece
 
 
 class _PieceCounts(NamedTuple):
-    """Of one envelope: frames, cut ones, right ones (whole ones where there is no check value), right ones of the length
+    """Of one envelope: frames, cut ones, right ones (whole ones where there is no check value), those of the length
     that their function predicts; bytes, and those outside right frames."""
 
     frames: int

@@ -148,7 +148,7 @@ def _recording(report: Report) -> Iterator[tuple[str, str]]:
     """When the recorder heard nothing, and when its clock was set."""
     events = [(time.from_ns, unheard(time)) for time in report.deaf]
     events += [
-        (note.t_ns, page_words("at {moment}: {text}", moment=moment(note.t_ns), text=note.text))
+        (note.t_ns, page_words("at {moment}: {text}", moment=moment(note.t_ns), text=retold(note.text)))
         for note in report.notes
         if note.kind == "clock"
     ]
