@@ -18,7 +18,7 @@ from analyzer import languages, paste
 from analyzer.causes.registry import suspects
 from analyzer.filters import FilterError, compile_filter
 from analyzer.filters.completion import complete
-from analyzer.languages import counted, tr
+from analyzer.languages import counted, page_words, tr
 from analyzer.model import search
 from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
@@ -138,6 +138,14 @@ def test_a_paste_is_told_in_russian(asked: _Asked) -> None:
     wrong = tree(paste.read("11 03 00 6B 00 03 76 87 11 03 06 AE 41 56 52 43 40 49 AE"))
     assert "CRC неверна: принята 49 AE, вычислена 49 AD" in wrong and "\n  вероятно: " in wrong
     assert not asked.missed, asked.missed
+
+
+def test_nouns_in_templates_agree_with_their_number() -> None:
+    languages.use_language("ru")
+    told = [tr("{some:,} of {all:,} rows shown", some=0, all=rows) for rows in (1, 2, 3432)]
+    assert told == ["показано 0 из 1 строки", "показано 0 из 2 строк", "показано 0 из 3 432 строк"]
+    english = "{bad} of {all} requests without a good answer"
+    assert page_words(english, bad=1, all=391) == "1 из 391 запроса без корректного ответа"
 
 
 def test_nouns_agree_with_their_number() -> None:

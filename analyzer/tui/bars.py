@@ -181,8 +181,7 @@ class StatusLine(Painted):
         if bus.noise_bytes:
             self.where += tr(", noise {count:,} B", count=bus.noise_bytes)
         if jobs.selection is not None:
-            shown, rows = screen.frames.rows.count, counted(bus.count, "row", "rows")
-            self.where = tr("{some:,} of {rows} shown", some=shown, rows=rows)
+            self.where = tr("{some:,} of {all:,} rows shown", some=screen.frames.rows.count, all=bus.count)
         if picked.anchor is not None:
             self.where += tr(", selected {count:,}", count=len(picked.rows()))
         listing = screen.query_one(f"#{screen.list_view}", FrameList)
