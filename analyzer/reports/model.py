@@ -339,6 +339,12 @@ class Report:
         cards = {card.unit: card for card in self.cards}
         return tuple(row if (card := cards.get(row.unit)) is None else _as_heard(row, card) for row in self.units)
 
+    @property
+    def bytes_for_answers(self) -> int:
+        """How many of the `unanswered` got bytes all the same: garbage where there are cards."""
+        told = zip(self.units, self.units_as_heard, strict=True)
+        return sum(max(row.counts.unanswered - heard.counts.unanswered, 0) for row, heard in told)
+
     def to_json(self) -> dict[str, Any]:
         """The report as plain values, nested as it is here, with `span_ns`."""
         line = {**asdict(self), "span_ns": self.span_ns, "times": self.times.to_json()}

@@ -218,6 +218,10 @@ def _transactions(report: Report) -> Iterator[tuple[str, str]]:
             parts.append(page_words(words, number=number))
     yield "requests", f"{grouped(counts.requests)}: {', '.join(parts)}"
     again = [counted(counts.retries, "retry", "retries")] if counts.retries else []
+    if report.bytes_for_answers:
+        again.insert(
+            0, page_words("{count:,} of the unanswered got bytes that are no answer", count=report.bytes_for_answers)
+        )
     again += [counted(counts.late, "late answer", "late answers")] if counts.late else []
     again += [counted(counts.echoes, "echo of the adapter", "echoes of the adapter")] if counts.echoes else []
     if again:
