@@ -15,7 +15,7 @@ import numpy as np
 
 from dissectors.values import harmless
 
-from .languages import page_words
+from .languages import page_words, retold
 from .tables.transactions import NEVER, Status, TransactionRows
 from .words import duration, moment
 
@@ -135,7 +135,7 @@ def _meets(begin: NDArray[np.int64], end: NDArray[np.int64], times: Sequence[Dea
 
 def unheard(time: Deaf) -> str:
     """A time without ears, in words."""
-    text = harmless(time.text)
+    text = harmless(retold(time.text))
     if time.to_ns is None:
         return page_words("nothing heard from {moment} to the end: {text}", moment=moment(time.from_ns), text=text)
     if time.to_ns == time.from_ns:

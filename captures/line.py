@@ -17,6 +17,7 @@ PROTOCOLS_NOTE = "protocols"  # in the notes of a line: what each port speaks, i
 EXCERPT_NOTE = "excerpt"  # in the notes of a line: a text of a few reads, which may leave out what was on the bus
 POLARITIES = ("normal", "inverted")  # of edges: a line that is high, or low, when idle
 _BAUD_LIMIT = 100_000_000
+_DATA_BITS = (5, 8)
 _STANDARD_BITS = 11  # start, 8 data, parity, stop
 
 
@@ -48,6 +49,18 @@ class LineSettings:
         For what needs a scale only; what is measured by characters (a load) asks `character_ns`. None without a speed.
         """
         return (self.char_bits or _STANDARD_BITS) * 1e9 / self.baud if self.baud else None
+
+    @property
+    def character_format(self) -> str | None:
+        """Data bits, parity, stop bits as people write them: `8E1`; None unless parity and character length are known.
+
+        One stop bit where nobody says, as `from_header` has it.
+        """
+        if self.char_bits is None or self.parity is None:
+            return None
+        stop = self.stop_bits or 1
+        data = self.char_bits - _character_bits(0, self.parity, stop)
+        return f"{data}{self.parity}{stop:g}" if _whole(data, *_DATA_BITS) else None
 
     @classmethod
     def from_header(cls, header: Mapping[str, object]) -> tuple[LineSettings, list[str]]:
@@ -103,7 +116,7 @@ class LineSettings:
         for name, value in settings.items():
             if value is not None and not _RULES[name](value):
                 raise ValueError(f"{name.partition('_')[0]} {value!r} is impossible for a line")
-        if bits is not None and not _whole(bits, 5, 8):
+        if bits is not None and not _whole(bits, *_DATA_BITS):
             raise ValueError(f"{bits!r} data bits are a setting that no line can have: 5 to 8")
         line = replace(self, baud=baud or self.baud, parity=parity or self.parity, stop_bits=stop or self.stop_bits)
         if (parity, bits, stop) == (None, None, None):
@@ -129,7 +142,7 @@ _RULES = {
     "stop_bits": lambda value: not isinstance(value, bool) and value in (1, 1.5, 2),
     "tap": lambda value: isinstance(value, str),
 }
-_IN_PARTS: Mapping[str, Callable[[Any], bool]] = {**_RULES, "data_bits": lambda value: _whole(value, 5, 8)}
+_IN_PARTS: Mapping[str, Callable[[Any], bool]] = {**_RULES, "data_bits": lambda value: _whole(value, *_DATA_BITS)}
 _OTHER_NAMES = {"bits": "data_bits", "stop": "stop_bits", "baudrate": "baud"}  # by which loggers call them as well
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -16,6 +17,7 @@ from analyzer.core import analyse
 from analyzer.languages import CLAUSE, fill
 from analyzer.simulation.field.cases.registry import field_cases
 from captures.chunks import Capture
+from captures.line import LineSettings
 
 _CASES = (
     *(
@@ -85,6 +87,21 @@ def test_sentences_of_field_cases(name: str) -> None:
     languages.use_language("ru")
     russian = [sentence for cause in causes_of(ledger) for sentence in (cause.text, cause.share)]
     assert not [sentence for sentence in russian if _SILLY.search(sentence) or _ENGLISH.search(sentence)]
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        ({"baud": 9600, "char_bits": 11}, "than the line (9600 bit/s, 11-bit characters):"),
+        ({"baud": 9600, "char_bits": 11, "parity": "E"}, "than the line (9600 8E1):"),
+        ({"char_bits": 11}, "than the line:"),
+    ],
+)
+def test_settings_of_a_unit_stand_beside_those_of_the_line(known: dict[str, Any], said: str) -> None:
+    made = field_cases()["unit-line-settings"].capture("precise", 4)
+    line = LineSettings(**known)
+    ledger = ledger_of(((part.batch, part.transactions) for part in analyse(Capture.of(line, made.chunks))), line)
+    assert said in causes_of(ledger)[0].text
 
 
 def test_names_of_protocols_are_told_in_russian() -> None:

@@ -64,6 +64,13 @@ def test_each_form_holds_and_breaks(rule: str, good: list[bytes], bad: list[byte
     assert len(broken.places) == places
 
 
+def test_places_that_are_left_out_are_counted() -> None:
+    broken = judged("none where exception == 2", [READ, EXCEPTION] * 36)
+    assert (len(broken.places), broken.more) == (5, 31)
+    assert [*broken.places_told][-1] == "and 31 more such places"
+    assert judged("every poll answered", [*HEALTHY, READ] * 7).more == 1  # the last is still open
+
+
 @pytest.mark.parametrize(
     ("rule", "passed"),
     [

@@ -32,6 +32,14 @@ def test_a_capture_opens_on_a_terminal_and_q_leaves(tmp_path: Path) -> None:
 
 
 @posix
+def test_a_language_alone_opens_the_start_screen() -> None:
+    terminal = Terminal("--lang", "ru")
+    terminal.until("Вставьте".encode())
+    os.write(terminal.fd, b"\x11")  # Ctrl+Q
+    assert terminal.status() == 0
+
+
+@posix
 def test_keys_come_from_the_terminal_where_standard_input_gave_the_capture() -> None:
     master, slave = os.openpty()
     steps = (

@@ -20,12 +20,13 @@ from analyzer.cli import main
 from analyzer.cli.ports import port_lines
 from analyzer.cli.taps import Teller
 from analyzer.languages import retold
+from analyzer.outages import Deaf, unheard
 from captures.live.ports import PortInfo
 from captures.live.tap import high_line_words, refusal
 
 _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
-    "(Cell|Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Limits|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
+    "(Cell|Usage|Check|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Limits|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
 )
 _INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
 
@@ -54,14 +55,27 @@ def _said() -> Iterator[str]:
         for path in root.rglob("*.py"):
             if path.relative_to(root).parts[0] in _INSIDE:
                 continue
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            functions = {each.name: each for each in tree.body if isinstance(each, ast.FunctionDef)}
+            for node in ast.walk(tree):
                 if not isinstance(node, ast.Call):
                     continue
                 name = str(getattr(node.func, "id", None) or getattr(node.func, "attr", ""))
                 if name == "tell" and "cli" not in path.parts:
                     continue
                 if (name in ("tell", "tell_user", "note") or _RAISED.search(name)) and node.args:
-                    yield _template(node.args[-1 if "ArgumentType" not in name else 0])
+                    words = node.args[-1 if "ArgumentType" not in name else 0]
+                    yield _template(words)
+                    yield from _returned(words, functions)
+
+
+def _returned(words: ast.expr, functions: dict[str, ast.FunctionDef]) -> Iterator[str]:
+    """What functions of the same module return for a place in such words."""
+    for call in ast.walk(words):
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in functions:
+            for node in ast.walk(functions[call.func.id]):
+                if isinstance(node, ast.Return) and isinstance(node.value, ast.Constant | ast.JoinedStr):
+                    yield _template(node.value)
 
 
 _FLAGS = re.compile(r"--?[a-z][\w-]*|⟨⟩|\b(?:line|row|unit|function|recording|metrics|foxglove|standard output)\b")
@@ -318,3 +332,9 @@ def test_the_system_says_the_language_where_nobody_else_does(
         monkeypatch.setenv(name, value)
     assert main(["parse", *arguments, "01 03 00 00 00 01 84 0A"]) == 0
     assert word in capsys.readouterr().out
+
+
+def test_a_time_in_which_nothing_was_heard_is_whole_in_russian() -> None:
+    languages.use_language("ru")
+    told = unheard(Deaf(1_763_121_886_000_000_000, None, "/dev/ttyX: lost (closed by the other end, or unplugged)"))
+    assert told.endswith("UTC до конца: /dev/ttyX: пропал (закрыто другой стороной или отключено)")

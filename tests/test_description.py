@@ -155,6 +155,9 @@ def test_a_number_beside_a_constant_is_one_of_two(tmp_path: Path, capsys: pytest
     assert all(each["type"] is None for each in told["units"][0]["registers"])
     for language, words in (("en", "u32 ABCD or u16 21"), ("ru", "u32 ABCD или u16 21")):
         page = ran(capsys, "document", str(path), "--lang", language).out
+        (row,) = (line for line in page.splitlines() if " or u" in line or " или u" in line)
+        cells = [cell.strip() for cell in row.strip("| ").split(" | ")]
+        assert all(cells[3:6]) and cells[7].rstrip(" %") == f"{either[0]['confidence']:.0%}"[:-1], row
         assert words in page or words.replace("u32 ABCD", "u16").replace("u16 21", "u32 ABCD 20-21") in page
 
 

@@ -68,6 +68,24 @@ def test_ascii_mode_with_a_wrong_lrc_says_what_was_computed():
     assert paste.holds_a_frame
 
 
+@pytest.mark.parametrize(
+    ("text", "envelope", "said"),
+    [
+        (
+            "11 03 00 6B 00 03",
+            "auto",
+            "RTU: the header fits, the end with the CRC is cut off, and there is no MBAP header",
+        ),
+        ("11 03 00 6B 00 03 76 88", "auto", "RTU: the header fits, but no CRC matches, and there is no MBAP header"),
+        ("11 03 00 6B 00 03 76 87", "tcp", "no frame: no MBAP header (protocol 0, a length)"),
+        ("11 03 00 6B 00 03 76 87", "ascii", "no frame: no ASCII frame (colon to line end)"),
+        ("00 01 00 00 00 06 11 03 00 6B 00 03", "tcp", "TCP: MBAP headers (protocol 0, a length)"),
+    ],
+)
+def test_the_headline_names_only_what_is_there(text, envelope, said):
+    assert read(text, envelope=envelope).why == said
+
+
 def test_ascii_mode_given_as_hex_of_its_characters():
     paste = read(b":1103006B00037E\r\n".hex(" "))
     assert (paste.protocol, kinds(paste)) == ("ascii", [("request", True, 17)])

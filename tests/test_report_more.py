@@ -47,6 +47,14 @@ def field_report(name: str, tap: str, seed: int) -> Report:
     return summarize(Capture.of(made.line, made.chunks, timed=tap != "untimed"))
 
 
+def test_what_a_cause_explains_has_no_remedy_of_its_own() -> None:
+    report = field_report("emi-mains", "precise", 5)
+    noise = next(row for row in report.findings if row.code == "noise")
+    assert report.causes[0].cause == "emi-mains" and all(group.explained_by for group in noise.groups)
+    page = " ".join(text(report).split())
+    assert not any(group.remedy in page for group in noise.groups)
+
+
 @pytest.mark.parametrize("tap", ["precise", "irq", "gateway"])
 def test_no_line_is_longer_than_a_page(tap: str) -> None:
     report = field_report("dead-beside-driver", tap, 2)

@@ -63,6 +63,20 @@ def test_the_page_has_the_facts():
         assert fact in page, fact
 
 
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        ({"parity": "E"}, "19200 bit/s, 8E1, tap irq"),
+        ({"parity": "E", "stop_bits": 2}, "19200 bit/s, 7E2, tap irq"),
+        ({"parity": "N", "char_bits": 10}, "19200 bit/s, 8N1, tap irq"),
+        ({"parity": "E", "char_bits": None}, "19200 bit/s, parity E, tap irq"),
+        ({"baud": None, "char_bits": None, "tap": None}, "baud not known"),
+    ],
+)
+def test_the_line_is_told_as_far_as_it_is_known(known, said):
+    assert f"line      {said}\n" in text(replace(REPORT, **known))
+
+
 def test_the_page_fits_80_columns_whatever_the_numbers():
     huge = Counts(*(10**12 + i for i in range(8)))
     slow = Times(10**12, 1, 10**17, 10**17, 10**17, 10**18)

@@ -18,7 +18,7 @@ from analyzer import languages, paste
 from analyzer.causes.registry import suspects
 from analyzer.filters import FilterError, compile_filter
 from analyzer.filters.completion import complete
-from analyzer.languages import counted, tr
+from analyzer.languages import counted, page_words, tr
 from analyzer.model import search
 from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
@@ -30,7 +30,7 @@ from analyzer.tui.registerlist import RegisterList
 from captures.line import LineSettings
 from dissectors.functions import functions
 
-_PARTS = ("tui", "model", "filters", "live", "paste")
+_PARTS = ("tui", "model", "filters", "live", "paste", "cli")
 _SOURCES = [path for part in _PARTS for path in (Path(analyzer.__file__).parent / part).glob("*.py")]
 _PASTED = "11 03 00 6B 00 03 76 87"
 _TERMS = re.compile(
@@ -67,6 +67,14 @@ def _calls(name: str) -> Iterator[tuple[str, ast.Call]]:
                 yield path.name, node
 
 
+def _empty_lists() -> Iterator[str]:
+    """What lists say that hold nothing."""
+    for path in _SOURCES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "EMPTY" and (said := _text(node.value)):
+                yield said
+
+
 def _text(node: ast.expr) -> str | None:
     return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
 
@@ -84,7 +92,7 @@ def test_every_word_of_the_interface_is_in_the_catalogue(language: str) -> None:
     known = languages.catalogue(language)
     words = {text: call for _, call in _calls("tr") if (text := _text(call.args[0]))}
     assert len(words) > 200
-    assert not set(words) - set(known["interface"])
+    assert not {*words, *_empty_lists()} - set(known["interface"])
     for english, call in words.items():
         if call.keywords:
             given = {keyword.arg for keyword in call.keywords}
@@ -123,13 +131,21 @@ def test_a_paste_is_told_in_russian(asked: _Asked) -> None:
     languages.use_language("ru")
     cut = tree(paste.read("11 03 00 6B 00 03"))
     assert "запрос    устройство 17: читать 3 регистра хранения с 107 (40108)" in cut
-    assert cut.splitlines()[0] == "RTU: похоже по заголовку; CRC неверна, заголовка MBAP нет"
+    assert cut.splitlines()[0] == "RTU: похоже по заголовку; конец с CRC обрезан, заголовка MBAP нет"
     whole = tree(paste.read(_PASTED)).splitlines()[0]
     assert whole == "RTU: CRC верна на ожидаемой длине, 1 кадр на все 8 байтов"
     assert "! обрезан: не хватает 2 байтов, это CRC; кадр целиком: 11 03 00 6B 00 03 76 87" in cut
     wrong = tree(paste.read("11 03 00 6B 00 03 76 87 11 03 06 AE 41 56 52 43 40 49 AE"))
     assert "CRC неверна: принята 49 AE, вычислена 49 AD" in wrong and "\n  вероятно: " in wrong
     assert not asked.missed, asked.missed
+
+
+def test_nouns_in_templates_agree_with_their_number() -> None:
+    languages.use_language("ru")
+    told = [tr("{some:,} of {all:,} rows shown", some=0, all=rows) for rows in (1, 2, 3432)]
+    assert told == ["показано 0 из 1 строки", "показано 0 из 2 строк", "показано 0 из 3 432 строк"]
+    english = "{bad} of {all} requests without a good answer"
+    assert page_words(english, bad=1, all=391) == "1 из 391 запроса без корректного ответа"
 
 
 def test_nouns_agree_with_their_number() -> None:

@@ -45,5 +45,5 @@ def _message(outcome: Outcome) -> str:
 
 
 def _outcome_words(outcome: Outcome) -> str:
-    lines = [f"{outcome.word} {_message(outcome)}", *(breach.words for breach in outcome.places)]
+    lines = [f"{outcome.word} {_message(outcome)}", *outcome.places_told]
     return "\n".join(lines)

@@ -14,7 +14,7 @@ a measure, or raises CheckError with a column. The parser, the errors, `--list` 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, cached_property
@@ -112,14 +112,20 @@ class Breaches:
         self.count += len(which)
         self.first += [breach_of(number) for number in which[: SHOWN - len(self.first)].tolist()]
 
+    @property
+    def told(self) -> tuple[tuple[Breach, ...], int]:
+        """The first, and how many more there are."""
+        return tuple(self.first), self.count - len(self.first)
+
 
 @dataclass(frozen=True, slots=True)
 class RuleResult:
-    """Whether a rule holds, what was measured, and the first places where it does not."""
+    """Whether a rule holds, what was measured, the first places where it does not, and how many `more` there are."""
 
     passed: bool
     measured: str
     places: tuple[Breach, ...] = ()
+    more: int = 0
 
 
 class Measure(Protocol):
@@ -153,6 +159,14 @@ class Outcome:
     passed: bool
     measured: str
     places: tuple[Breach, ...]
+    more: int = 0  # places than these
+
+    @property
+    def places_told(self) -> Iterator[str]:
+        """A line a place, and one for those that are left out."""
+        yield from (place.words for place in self.places)
+        if self.more:
+            yield page_words("and {count:,} more such places", count=self.more)
 
     @property
     def word(self) -> str:
@@ -296,7 +310,7 @@ def run(
     outcomes = []
     for check, measure in zip(checks, measures, strict=True):
         verdict = measure.verdict(report)
-        breaches = () if verdict.passed else verdict.places
+        breaches = ((), 0) if verdict.passed else (verdict.places, verdict.more)
         name = check.name or check.text
-        outcomes.append(Outcome(name, check.text, check.severity, verdict.passed, verdict.measured, breaches))
+        outcomes.append(Outcome(name, check.text, check.severity, verdict.passed, verdict.measured, *breaches))
     return Results(source, report.frames, partial, tuple(outcomes))

@@ -221,11 +221,17 @@ def _language_set() -> str | None:
     return None
 
 
-def _command_first(arguments: list[str]) -> list[str]:
-    """`--lang ru` behind the command that it stands before, where every command takes it."""
+def _languages_before(arguments: list[str]) -> int:
+    """How many arguments are `--lang ru` at the beginning."""
     given = 0
     while given < len(arguments) and arguments[given].partition("=")[0] == "--lang":
         given += 1 if "=" in arguments[given] else 2
+    return given
+
+
+def _command_first(arguments: list[str]) -> list[str]:
+    """`--lang ru` behind the command that it stands before, where every command takes it."""
+    given = _languages_before(arguments)
     return [*arguments[given : given + 1], *arguments[:given], *arguments[given + 1 :]]
 
 
@@ -255,10 +261,11 @@ def _at_the_door(arguments: list[str]) -> int:
 
     if (full := door.asked(arguments)) is not None:
         return _run(full)
-    if not arguments and full_screen():
+    if _languages_before(arguments) >= len(arguments) and full_screen():
         from .start import choose
 
-        return DONE if (chosen := choose()) is None else _run(chosen)
+        command_line(()).parse_args(arguments)  # a language that there is
+        return DONE if (chosen := choose()) is None else _run([*chosen, *arguments])
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(door.unknown(arguments[0]))
     return _general(arguments)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dissectors.values import harmless
 
+from ..languages import tr
 from .commands import DONE, UsageError
 from .inputs import seconds
 from .terminal import add_overwrite_argument, put_data, put_json, to_be_overwritten
@@ -207,4 +208,4 @@ def _put_table(answer: Any) -> None:
     for row in [heads, *rows]:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
     if not rows:
-        print("(nothing)")
+        print(tr("(nothing)"))

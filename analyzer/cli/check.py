@@ -129,5 +129,5 @@ def _show(results: Results) -> None:
         rule = outcome.name if outcome.name == outcome.check else f"{outcome.name} ({outcome.check})"
         word = painted(outcome.word, _COLOURS[outcome.word] if colour else "")
         print(terminal_text(word, harmless(f" {rule}: {outcome.measured}")))
-        for spot in outcome.places:
-            print(harmless(f"     {spot.words}"))
+        for spot in outcome.places_told:
+            print(harmless(f"     {spot}"))

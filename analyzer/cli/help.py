@@ -9,7 +9,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ..languages import in_use
+from ..languages import in_use, tr
 from ..meant import did_you_mean
 from ..terminal_text import READABLE, trusted
 from .app import main
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.topic is None:
         for name, listed in sorted(by_name.items()):
             print(f"{name:18}{_title(listed)}")
-        print("\nrtuscope COMMAND --help tells of a command")
+        print(tr("\n`rtuscope COMMAND --help` describes a command"))
         return DONE
     if arguments.topic in COMMANDS:
         return main([arguments.topic, "--help"])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from dissectors.values import harmless
 
 from ..languages import counted, tr
+from ..languages.linewords import line_words
 from .commands import DONE
 from .inputs import add_capture_arguments, open_capture, tell_damage
 from .terminal import interruptible, put_json
@@ -100,7 +101,7 @@ def _lines(name: str, capture: Capture, size: CaptureSize) -> Iterator[tuple[str
     from ..words import data_size, duration, is_clock, moment
 
     yield tr("capture"), f"{name}, {capture.format}"
-    yield tr("line"), ", ".join(_line_words(capture))
+    yield tr("line"), line_words(capture.line)
     if size.first_ns is None or size.last_ns is None:
         yield tr("span"), tr("no times in this capture")
     else:
@@ -122,14 +123,3 @@ def _file_size(capture: Capture) -> int:
         return capture.path.stat().st_size
     except OSError:
         return 0
-
-
-def _line_words(capture: Capture) -> Iterator[str]:
-    line = capture.line
-    yield tr("baud not known") if line.baud is None else tr("{baud} bit/s", baud=line.baud)
-    if line.char_bits is not None:
-        yield tr("{bits:g}-bit characters", bits=line.char_bits)
-    if line.parity is not None:
-        yield tr("parity {parity}", parity=line.parity)
-    if line.tap:
-        yield tr("tap {tap}", tap=line.tap)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+from typing import TYPE_CHECKING
 
 from .commands import DONE, UsageError
 from .lineoptions import LineWords, add_line_arguments
-from .terminal import add_overwrite_argument, to_be_overwritten
+from .terminal import add_overwrite_argument, tell_user, to_be_overwritten
+
+if TYPE_CHECKING:
+    from ..simulation import Scenario
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy --tap ftdi16 --seed 7
@@ -71,33 +75,40 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write it."""
-    from ..simulation import Scenario, write
+    from ..simulation import write
     from ..simulation.bus import truth_path
     from ..simulation.causes import write_cause
 
     if arguments.cause is not None:
         _refuse_what_is_drawn(arguments)
-    for path in (arguments.output, truth_path(arguments.output)):
+    truth = truth_path(arguments.output)
+    for path in (arguments.output, truth):
         to_be_overwritten(path, overwrite=arguments.overwrite)
     try:
         if arguments.cause is not None:
             write_cause(arguments.cause, arguments.output, tap=arguments.tap, seed=arguments.seed)
-            return DONE
-        scenario = Scenario(
-            arguments.wire,
-            arguments.tap,
-            transactions=_TRANSACTIONS if arguments.transactions is None else arguments.transactions,
-            seed=arguments.seed,
-            baud=arguments.baud,
-            char_bits=_char_bits(arguments),
-            units=arguments.units,
-            defect=arguments.defect,
-            maps=tuple(arguments.map),
-        )
-        write(scenario, arguments.output)
+        else:
+            write(_scenario(arguments), arguments.output)
     except ValueError as error:
         raise UsageError(str(error)) from error
+    tell_user(f"wrote {arguments.output} and its ground truth {truth}")
     return DONE
+
+
+def _scenario(arguments: argparse.Namespace) -> Scenario:
+    from ..simulation import Scenario
+
+    return Scenario(
+        arguments.wire,
+        arguments.tap,
+        transactions=_TRANSACTIONS if arguments.transactions is None else arguments.transactions,
+        seed=arguments.seed,
+        baud=arguments.baud,
+        char_bits=_char_bits(arguments),
+        units=arguments.units,
+        defect=arguments.defect,
+        maps=tuple(arguments.map),
+    )
 
 
 def _char_bits(arguments: argparse.Namespace) -> int:

@@ -16,10 +16,11 @@ from .model import Envelope, PastedFrame, PastePart, Piece
 
 
 class _PieceCounts(NamedTuple):
-    """Of one envelope: frames, right ones (whole ones where there is no check value), right ones of the length that
-    their function predicts; bytes, and those outside right frames."""
+    """Of one envelope: frames, cut ones, right ones (whole ones where there is no check value), those of the length
+    that their function predicts; bytes, and those outside right frames."""
 
     frames: int
+    cut: int
     right: int
     sound: int
     octets: int
@@ -41,9 +42,14 @@ _WHYS: Final = (
     _Why("rtu", lambda c: c.right > 0 == c.rest,
          "RTU: correct CRC, but not at the length that its function predicts, {cover}"),
     _Why("rtu", lambda c: c.right > 0, "RTU: correct CRC in {correct}, which leaves {rest} of {bytes}"),
+    _Why("rtu", lambda c: 0 < c.cut == c.frames and c.headed,
+         "RTU: the header fits, the end with the CRC is cut off, and what may be an MBAP header does not fit"),
+    _Why("rtu", lambda c: 0 < c.cut == c.frames,
+         "RTU: the header fits, the end with the CRC is cut off, and there is no MBAP header"),
     _Why("rtu", lambda c: c.frames > 0 and c.headed,
          "RTU: the header fits, but no CRC matches, and what may be an MBAP header does not fit"),
     _Why("rtu", lambda c: c.frames > 0, "RTU: the header fits, but no CRC matches, and there is no MBAP header"),
+    _Why("tcp", lambda c: c.frames == 0, "no frame: no MBAP header (protocol 0, a length)"),
     _Why("tcp", lambda c: c.forced, "TCP: MBAP headers (protocol 0, a length)"),
     _Why("tcp", lambda c: c.right > 0 == c.rest,
          "TCP: MBAP headers (protocol 0, correct length), {cover}; no CRC matches"),
@@ -52,6 +58,7 @@ _WHYS: Final = (
     _Why("tcp", lambda c: True, "TCP: begins with an MBAP header (protocol 0, a length); no CRC matches"),
     _Why("ascii", lambda c: 0 < c.right == c.frames, "ASCII: {frames} between colon and line end, LRC correct"),
     _Why("ascii", lambda c: c.right > 0, "ASCII: {frames} between colon and line end, LRC correct in {right}"),
+    _Why("ascii", lambda c: c.frames == 0, "no frame: no ASCII frame (colon to line end)"),
     _Why("ascii", lambda c: True, "ASCII: {frames} between colon and line end, LRC wrong"),
     _Why("pdu", lambda c: True, "PDU: function code and data alone, without unit and check value"),
     _Why("rtu", lambda c: c.low,
@@ -79,8 +86,8 @@ def _counts(pieces: Sequence[Piece], *, forced: bool, headed: bool, low: bool) -
     frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
     right = [frame for frame in frames if frame.check_ok is not False]
     octets, framed = (sum(piece.length for piece in each) for each in (pieces, right))
-    sound = sum(map(_sound, right))
-    return _PieceCounts(len(frames), len(right), sound, octets, octets - framed, forced, headed, low)
+    cut, sound = sum(frame.missing > 0 for frame in frames), sum(map(_sound, right))
+    return _PieceCounts(len(frames), cut, len(right), sound, octets, octets - framed, forced, headed, low)
 
 
 def _words(kind: str, counts: _PieceCounts) -> str:

@@ -103,12 +103,13 @@ def _finding_cells(row: FindingRow) -> tuple[str, ...]:
 
 
 def _group_lines(row: FindingRow) -> Iterator[PageLine]:
-    """The groups of a finding, the commonest first: what was seen, of how many, when; cause and remedy once each."""
+    """The groups of a finding, the commonest first: what was seen, of how many, when; cause and remedy once each. What
+    a cause explains has the remedy of that."""
     printed: set[str] = set()
     for group in row.groups[:_GROUPS]:
         beside = ", ".join(where(group, row))
         yield Paragraph(f"{group.text} ({beside})" if beside else group.text, first="   ")
-        for label, words in (("likely", group.cause), ("do", group.remedy)):
+        for label, words in (("likely", group.cause), ("do", "" if group.explained_by else group.remedy)):
             if words and words not in printed:
                 yield from _labelled(label, words)
                 printed.add(words)

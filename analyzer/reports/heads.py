@@ -24,4 +24,4 @@ def head_json(report: Report, sha256: str | None) -> dict[str, Any]:
 
 def line_json(report: Report) -> dict[str, Any]:
     """How the line is set, as plain values."""
-    return {name: getattr(report, name) for name in ("format", "baud", "char_bits", "tap")}
+    return {name: getattr(report, name) for name in ("format", "baud", "char_bits", "parity", "stop_bits", "tap")}

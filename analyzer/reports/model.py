@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from captures.line import LineSettings
+
 from ..tables.schema import bounds_of
 from ..words import between
 
@@ -292,6 +294,8 @@ class Report:
     units: tuple[UnitRow, ...]
     functions: tuple[FunctionRow, ...]
     exceptions: tuple[ExceptionRow, ...]
+    parity: str | None = None
+    stop_bits: float | None = None
     tcp_frames: int = 0  # of `frames`, those of Modbus TCP, on no line of ours
     foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
     not_modbus: str = ""  # the protocol that this is instead, where that is known
@@ -312,6 +316,11 @@ class Report:
     deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing
 
     @property
+    def line(self) -> LineSettings:
+        """How the line was set."""
+        return LineSettings(self.baud, self.char_bits, self.parity, self.stop_bits, self.tap)
+
+    @property
     def span_ns(self) -> int | None:
         """First start bit to last stop bit; None without times."""
         if self.t_start_ns is None or self.t_end_ns is None:
@@ -329,6 +338,12 @@ class Report:
         others that stayed without one."""
         cards = {card.unit: card for card in self.cards}
         return tuple(row if (card := cards.get(row.unit)) is None else _as_heard(row, card) for row in self.units)
+
+    @property
+    def bytes_for_answers(self) -> int:
+        """How many of the `unanswered` got bytes all the same: garbage where there are cards."""
+        told = zip(self.units, self.units_as_heard, strict=True)
+        return sum(max(row.counts.unanswered - heard.counts.unanswered, 0) for row, heard in told)
 
     def to_json(self) -> dict[str, Any]:
         """The report as plain values, nested as it is here, with `span_ns`."""

@@ -12,6 +12,7 @@ from typing import Final
 from dissectors.values import harmless
 
 from ..languages import counted, grouped, page_words, phrase, retold
+from ..languages.linewords import line_words
 from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables
@@ -54,7 +55,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "capture", ", ".join(named) or page_words("unnamed")
     if report.filter:
         yield "filter", page_words("{filter} (the rest of the report covers matching rows only)", filter=report.filter)
-    yield "line", _line_words(report)
+    yield "line", line_words(report.line)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
@@ -115,17 +116,6 @@ def nothing(report: Report) -> str:
     )
 
 
-def _line_words(report: Report) -> str:
-    if report.baud is None:
-        return page_words("baud not known")
-    parts = [page_words("{baud} bit/s", baud=report.baud)]
-    if report.char_bits is not None:
-        parts.append(page_words("{bits:g}-bit characters", bits=report.char_bits))
-    if report.tap:
-        parts.append(page_words("tap {tap}", tap=report.tap))
-    return ", ".join(parts)
-
-
 def _span(report: Report) -> str:
     if report.span_ns is None:
         nothing = "nothing matches" if report.filter else "nothing captured"
@@ -158,7 +148,7 @@ def _recording(report: Report) -> Iterator[tuple[str, str]]:
     """When the recorder heard nothing, and when its clock was set."""
     events = [(time.from_ns, unheard(time)) for time in report.deaf]
     events += [
-        (note.t_ns, page_words("at {moment}: {text}", moment=moment(note.t_ns), text=note.text))
+        (note.t_ns, page_words("at {moment}: {text}", moment=moment(note.t_ns), text=retold(note.text)))
         for note in report.notes
         if note.kind == "clock"
     ]
@@ -228,6 +218,10 @@ def _transactions(report: Report) -> Iterator[tuple[str, str]]:
             parts.append(page_words(words, number=number))
     yield "requests", f"{grouped(counts.requests)}: {', '.join(parts)}"
     again = [counted(counts.retries, "retry", "retries")] if counts.retries else []
+    if report.bytes_for_answers:
+        again.insert(
+            0, page_words("{count:,} of the unanswered got bytes that are no answer", count=report.bytes_for_answers)
+        )
     again += [counted(counts.late, "late answer", "late answers")] if counts.late else []
     again += [counted(counts.echoes, "echo of the adapter", "echoes of the adapter")] if counts.echoes else []
     if again:

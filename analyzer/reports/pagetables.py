@@ -58,7 +58,7 @@ def tables(report: Report) -> Iterator[Iterator[PageLine]]:
 def _legend(report: Report) -> Iterator[str]:
     if report.cards:
         yield page_words("requests: ok + exc (exceptions) + silent (not a byte) + garbage + broadcasts;")
-        yield page_words("of functions none (no answer) + bad (a damaged one)")
+        yield page_words("of functions none (no answer, with bytes or without) + bad (a damaged one)")
     else:
         yield page_words("requests: ok + exc (exceptions) + none (no answer) + bad (damaged) + broadcasts")
     if count := report.transactions.unheard:

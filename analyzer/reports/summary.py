@@ -127,6 +127,8 @@ class Summary:
             baud=capture.line.baud,
             char_bits=capture.line.char_bits,
             tap=capture.line.tap,
+            parity=capture.line.parity,
+            stop_bits=capture.line.stop_bits,
             timed=capture.timed,
             damage=tuple(str(item) for item in capture.damage),
             damage_count=capture.damage_count,

@@ -178,10 +178,11 @@ class Troubles:
     def _group(self, rule: Rule, unit: int, group: _GroupTally) -> FindingGroup:
         finding = describe(group.first, 0)
         has_unit = unit < _NOBODY
+        asked = self._asked(unit) if has_unit else 0  # fewer where one request has several findings
         return FindingGroup(
             unit=unit if has_unit else None,
             count=group.count,
-            of=max(self._asked(unit), group.count) if has_unit and rule.about is not rule.about.BUS else None,
+            of=asked if has_unit and rule.about is not rule.about.BUS and asked >= group.count else None,
             text=finding.text,
             cause=finding.cause,
             remedy=finding.remedy,

@@ -181,8 +181,7 @@ class StatusLine(Painted):
         if bus.noise_bytes:
             self.where += tr(", noise {count:,} B", count=bus.noise_bytes)
         if jobs.selection is not None:
-            shown, rows = screen.frames.rows.count, counted(bus.count, "row", "rows")
-            self.where = tr("{some:,} of {rows} shown", some=shown, rows=rows)
+            self.where = tr("{some:,} of {all:,} rows shown", some=screen.frames.rows.count, all=bus.count)
         if picked.anchor is not None:
             self.where += tr(", selected {count:,}", count=len(picked.rows()))
         listing = screen.query_one(f"#{screen.list_view}", FrameList)
@@ -229,8 +228,7 @@ class StatusLine(Painted):
         line = self.desk.source.line
         if not line.baud:
             return tr("baud not known")
-        stop = f"{line.stop_bits:g}" if line.stop_bits else ""
-        return f"{line.baud}{f' 8{line.parity}{stop}' if line.parity else ''}"
+        return " ".join(filter(None, (str(line.baud), line.character_format)))
 
     def _finding_counts(self) -> list[StyledText]:
         counts = self.desk.bus.found.by_severity

@@ -141,7 +141,7 @@ def _unknown(name: str) -> str:
     from difflib import get_close_matches  # as analyzer.meant does, which this floor may not import
 
     near = get_close_matches(name, shipped_names(), 1)
-    hint = f"did you mean {near[0]}?" if near else "`rtuscope map list` names those that are shipped"
+    hint = f"did you mean {near[0]}?" if near else "`rtuscope map list` lists the shipped ones"
     return f"{name}: no such file and no shipped map of that name: {hint}"
 
 

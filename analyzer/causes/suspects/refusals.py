@@ -171,9 +171,8 @@ _TEST: Final = (
     "off-by-one",
     Severity.WARNING,
     blame="master",
-    text="The client's list is off by one for {units:unit|units}: requests for {areas}[ and {more} more] are refused "
-    "(exception {codes}, {refused:,} of {asked:,}), "
-    "while all but one register there reads well",
+    text="The client's list is off by one for {units:unit|units}: requests at {areas:address|addresses}[ and {more} "
+    "more] are refused (exception {codes}, {refused:,} of {asked:,}), while all but one register there reads well",
     share="{refused:,} of {asked:,} such requests to {units:unit|units}",
     deciding_test=_TEST,
     remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?[ "

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import log2
 from statistics import median
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -60,12 +60,12 @@ _MOST_REFUSED: Final = 90.0
     "unit-line-settings",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} does not use the line's settings ({settings}[ by {drift:+.0%}]): {damaged:,} of its {answers:,} "
-    "answers {how}",
+    text="Unit {unit} sends at other settings ({settings}[ by {drift:+.0%}]) than the line"
+    "[ ({line})][ ({line_baud} bit/s, {line_bits}-bit characters)]: {damaged:,} of its {answers:,} answers {how}",
     share="{damaged:,} of {answers:,} answers of unit {unit}[, {others_damaged:,} of {others_answers:,} of others]",
     deciding_test="Listen to unit {unit} alone at other settings ({settings}[ by {drift:+.0%}]): its answers must then "
     "read well",
-    remedy="Set the unit's baud rate, parity and stop bits to those of the line; a clock that is off by some per cent "
+    remedy="Set the unit's baud rate, parity and stop bits to those of the line[ ({line})]; a clock that is off by some per cent "
     "(an RC oscillator) means another device is needed",
 )
 def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
@@ -87,10 +87,25 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
                 bits -= _BEGINS_RIGHT * _beginning_right(readings)
             bits += evidence.surplus(unit) + kinds + _steadiness(evidence, unit)
             if bits > 0:
-                yield damage_suspicion(evidence, [unit], bits, {"settings": words, "drift": drift, "how": _GARBAGE})
+                yield _damaged_as(evidence, unit, bits, words, drift, _GARBAGE)
         elif evidence.is_open(Symptom.MARKS, unit.unit):
             yield from _marked(evidence, unit)
             yield from _refused(evidence, unit)
+
+
+def _damaged_as(evidence: Evidence, unit: UnitLedger, bits: float, settings: str, drift: float, how: str) -> Suspicion:
+    """The answers of a unit that sends at these settings, beside those of the line as far as they are known."""
+    line = evidence.ledger.line
+    known = line.character_format or ""
+    words = {
+        "settings": settings,
+        "drift": drift,
+        "how": how,
+        "line": known and f"{line.baud or ''} {known}".strip(),
+        "line_baud": line.baud,
+        "line_bits": 0 if known or not line.baud else line.char_bits or 0,
+    }
+    return damage_suspicion(evidence, [unit], bits, words)
 
 
 def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, str, float]:
@@ -188,12 +203,8 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     background = max(HEALTHY, (sum(o.marked for o in others) + 0.5) / (sum(o.answered for o in others) + 50))
     if _marks_all(evidence, unit, others):
         return
-    numbers: Mapping[str, Any] = {
-        "settings": "another parity",
-        "drift": 0.0,
-        "how": "have right bytes and marks of the UART",
-    }
-    found = damage_suspicion(evidence, [unit], surplus_bits(unit.marked, unit.answered, background), numbers)
+    bits = surplus_bits(unit.marked, unit.answered, background)
+    found = _damaged_as(evidence, unit, bits, "another parity", 0.0, "have right bytes and marks of the UART")
     yield Suspicion(
         found.units,
         found.bits,
@@ -262,12 +273,8 @@ def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     ):
         return
     bits = min(surplus_bits(repeats, asked, max(HEALTHY, (others_repeats + 0.5) / (others_asked + 50))), _MOST_REFUSED)
-    words = {
-        "settings": "another parity, which this tap does not mark",
-        "drift": 0.0,
-        "how": "are whole, and the client asks again",
-    }
-    found = damage_suspicion(evidence, [unit], bits, words)
+    settings, how = "another parity, which this tap does not mark", "are whole, and the client asks again"
+    found = _damaged_as(evidence, unit, bits, settings, 0.0, how)
     yield replace(
         found,
         numbers={**found.numbers, "damaged": repeats, "answers": asked},

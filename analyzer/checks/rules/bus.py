@@ -68,7 +68,8 @@ class _Answered:
         if self.unit is not None:
             counts = next((row.counts for row in report.units if row.unit == self.unit), Counts())
         count = counts.unanswered + counts.damaged
-        first = (self._without_echoes if report.transactions.echoes else self._breaches).first
+        breaches = self._without_echoes if report.transactions.echoes else self._breaches
+        places, more = breaches.told
         polls = counts.requests - counts.broadcasts - counts.unheard
         tail = ""
         if self._silent is not None and self._silent == self._last:
@@ -77,13 +78,14 @@ class _Answered:
                 polls - 1,
                 page_words("; the last one was still open when the capture ended"),
             )
-            first = [breach for breach in first if breach.index != self._silent]
+            ended = [breach.index for breach in places].count(self._silent)
+            places, more = tuple(breach for breach in places if breach.index != self._silent), more - (not ended)
         if counts.unheard:
             tail += page_words("; {count:,} more while nothing was received", count=counts.unheard)
         words = page_words("no polls seen")
         if polls:
             words = page_words("{some:,} of {all:,} polls answered", some=polls - count, all=polls) + tail
-        return RuleResult(polls > 0 and not count, words, tuple(first))
+        return RuleResult(polls > 0 and not count, words, places, more)
 
 
 _FATE: Final = {Status.UNANSWERED: "no answer", Status.DAMAGED: "answered by a damaged frame"}
@@ -141,7 +143,7 @@ class _Soon:
         if count := self._breaches.count:
             bound = f"{self.compared} {self.bound}"
             words += page_words(", {count:,} not {bound}", count=count, bound=bound)
-        return RuleResult(False, words, tuple(self._breaches.first))
+        return RuleResult(False, words, *self._breaches.told)
 
 
 @form("response-time", 'SHARE "response_time"i ["of"i "unit"i NUMBER] COMPARED NUMBER [UNIT]',
@@ -239,7 +241,7 @@ class _UnitsOnBus:
         ]
         parts += [page_words("not expected: {units}", units=comma_separated(strangers))] if strangers else []
         parts += [page_words("never answered: {units}", units=comma_separated(absent))] if absent else []
-        return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._breaches.first))
+        return RuleResult(not strangers and not absent, "; ".join(parts), *self._breaches.told)
 
 
 @form("units-are", '"units"i "are"i numbers', "exactly these units are asked and answer",

@@ -50,7 +50,7 @@ class _FindingCount:
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count = self._breaches.count
-        return RuleResult(count <= self.most, counted(count, "finding", "findings"), tuple(self._breaches.first))
+        return RuleResult(count <= self.most, counted(count, "finding", "findings"), *self._breaches.told)
 
 
 def _breach_of(findings: Findings, number: int) -> Breach:
@@ -79,12 +79,12 @@ class PassingCount:
         self._breaches.add(np.flatnonzero(mask), checked.place)
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        count, first = self._breaches.count, tuple(self._breaches.first)
+        count, told = self._breaches.count, self._breaches.told
         if self.due is None:
-            return RuleResult(count <= (self.most or 0), page_words("{count:,} found", count=count), first)
+            return RuleResult(count <= (self.most or 0), page_words("{count:,} found", count=count), *told)
         words = page_words("{some:,} of {all:,} match", some=self._chosen - count, all=self._chosen)
         return RuleResult(
-            not count and self._chosen > 0, words if self._chosen else page_words("none passes the first filter"), first
+            not count and self._chosen > 0, words if self._chosen else page_words("none passes the first filter"), *told
         )
 
 

@@ -66,7 +66,7 @@ class _Limits:
         return RuleResult(
             not count,
             page_words("{readings} outside", readings=counted(count, "reading", "readings")),
-            tuple(self._breaches.first),
+            *self._breaches.told,
         )
 
 
@@ -124,7 +124,7 @@ class _Writes:
         return (covered < high - low + 1) if self.outside else touched
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        count, first = self._breaches.count, tuple(self._breaches.first)
+        count, told = self._breaches.count, self._breaches.told
         words = counted(self._writes, "write", "writes")
         if self.ranges:
             where = ", ".join(
@@ -137,7 +137,7 @@ class _Writes:
                 else ", {count:,} inside {where} (counted from 0)",
                 count=count, where=where,
             )  # fmt: skip
-        return RuleResult(not count, words, first)
+        return RuleResult(not count, words, *told)
 
 
 @form("no-writes", '"no"i "writes"i', "nothing is written", "no writes")

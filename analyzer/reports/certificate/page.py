@@ -18,12 +18,13 @@ from .model import Certificate, not_shown
 
 CLAIM_WORDS: Final = {
     "lost": "requests without a good answer in time",
-    "damaged": "frames with a wrong check value",
+    "damaged": "damaged answers",
     "exceptions": "answers by exception",
     "retries": "repeated requests",
     "response": "response time, {quantile:g}% of answers within",
     "load": "load, {quantile:g}% of seconds within",
 }
+_LINE_WORDS: Final = {**CLAIM_WORDS, "damaged": "damaged answers and requests"}  # of which no unit can be known
 VERDICT_WORDS: Final = {PASS: "pass", MARGINAL: "marginal", FAIL: "fail", UNKNOWN: "cannot say"}
 SENTENCES: Final = {
     PASS: "The line is within its limits.",
@@ -45,7 +46,8 @@ def unit_title(unit: int | None) -> str:
 def claim_cells(certificate: Certificate, claim: Claim) -> list[str]:
     """The cells of a claim, as `HEADS` names them."""
     quantile = None if claim.limit.quantile is None else 100 * claim.limit.quantile
-    words = page_words(CLAIM_WORDS[claim.claim], **({} if quantile is None else {"quantile": quantile}))
+    known = _LINE_WORDS if claim.unit is None else CLAIM_WORDS
+    words = page_words(known[claim.claim], **({} if quantile is None else {"quantile": quantile}))
     verdict = page_words(VERDICT_WORDS[claim.verdict])
     longer = certificate.longer_ns(claim)
     if longer is not None:

@@ -13,7 +13,7 @@ from ...languages import counted, grouped, page_words, register_words
 from ...registers.roles import OtherReading
 from ...registers.telling import place_cell, span, unit_place
 from ...version import __version__
-from ...words import decimal, duration
+from ...words import UNITS_NS, decimal, duration
 from ..markdown import markdown_table, markdown_text
 from ..page import facts, file_name
 from .model import BusDescription, DescribedRegister, DescribedUnit, not_known
@@ -79,7 +79,8 @@ def _round(turn: BusRound) -> DescriptionPart:
     sentences = []
     if turn.period_ns is not None and turn.jitter_ns is not None:
         words = "A cycle takes {period}; nine in ten deviate by less than {jitter}."
-        sentences.append(page_words(words, period=duration(turn.period_ns), jitter=duration(turn.jitter_ns)))
+        jitter = duration(max(turn.jitter_ns, UNITS_NS["us"]))  # as fine as times are told
+        sentences.append(page_words(words, period=duration(turn.period_ns), jitter=jitter))
     words = "{share:.0%} of the requests that recur keep this order, in {rounds:,} rounds."
     sentences.append(page_words(words, share=turn.share, rounds=turn.rounds))
     rows = tuple(_slot_row(number, slot) for number, slot in enumerate(turn.slots, 1))
@@ -121,7 +122,8 @@ def _sentences(unit: DescribedUnit) -> Iterator[str]:
 def _register_row(register: DescribedRegister) -> tuple[str, ...]:
     value = register.value
     kind, sure = _type_cells(register)
-    numbers = (value.minimum, value.maximum, value.last) if register.is_known or value.words == 1 else (None,) * 3
+    told = register.is_known or register.either is not None or value.words == 1
+    numbers = (value.minimum, value.maximum, value.last) if told else (None,) * 3
     scale = "" if value.scale in (None, 1) else f"x{value.scale:g}"
     scale = f"{scale} {value.unit_of_measure or ''}".strip()
     written = ""
@@ -145,8 +147,8 @@ def _type_cells(register: DescribedRegister) -> tuple[str, str]:
                 "{type}, or the same number as {others}", type=kind, others=", ".join(map(_other, others))
             )
     elif register.either is not None:
-        kind = page_words("{type} or {other}", type=kind, other=_other(register.either))
-        sure += register.either.confidence
+        other = register.either  # the row's numbers and its certainty are of the likelier one
+        kind = page_words("{type} or {other} ({sure:.0%})", type=kind, other=_other(other), sure=other.confidence)
     elif register.is_likely:
         kind = page_words("not known; likely {type}", type=kind)
     else:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from captures.line import LineSettings
 from dissectors.values import harmless
 
 from ...causes.registry import Cause
@@ -135,7 +134,7 @@ def page(report: Report, sights: Sights) -> str:
     environment.filters["poll"] = pagetables.poll_words
     environment.filters["place"] = lambda value: place_cell(value.area, value.address)
     environment.globals["bytes"] = lambda count: counted(count, "byte", "bytes")
-    char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
+    char_ns = report.line.character_ns
     worst = [row for row in report.findings if row.severity != "note"]
     origin = sights.timeline.origin_ns if report.timed else None
     span = report.span_ns
