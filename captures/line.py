@@ -51,16 +51,22 @@ class LineSettings:
         return (self.char_bits or _STANDARD_BITS) * 1e9 / self.baud if self.baud else None
 
     @property
-    def character_format(self) -> str | None:
-        """Data bits, parity, stop bits as people write them: `8E1`; None unless parity and character length are known.
+    def _stop(self) -> float:
+        """Stop bits, one where nobody says."""
+        return self.stop_bits or 1
 
-        One stop bit where nobody says, as `from_header` has it.
-        """
+    @property
+    def data_bits(self) -> int | None:
+        """Data bits of a character, where its length and parity say."""
         if self.char_bits is None or self.parity is None:
             return None
-        stop = self.stop_bits or 1
-        data = self.char_bits - _character_bits(0, self.parity, stop)
-        return f"{data}{self.parity}{stop:g}" if _whole(data, *_DATA_BITS) else None
+        data = self.char_bits - _character_bits(0, self.parity, self._stop)
+        return data if _whole(data, *_DATA_BITS) else None
+
+    @property
+    def character_format(self) -> str | None:
+        """Data bits, parity, stop bits as people write them: `8E1`; None unless parity and length are known."""
+        return f"{self.data_bits}{self.parity}{self._stop:g}" if self.data_bits else None
 
     @classmethod
     def from_header(cls, header: Mapping[str, object]) -> tuple[LineSettings, list[str]]:
@@ -121,9 +127,8 @@ class LineSettings:
         line = replace(self, baud=baud or self.baud, parity=parity or self.parity, stop_bits=stop or self.stop_bits)
         if (parity, bits, stop) == (None, None, None):
             return line
-        if bits is None and self.char_bits is not None and self.parity is not None and self.stop_bits is not None:
-            bits = self.char_bits - _character_bits(0, self.parity, self.stop_bits)
-        return replace(line, char_bits=_character_bits(bits or 8, line.parity or "N", line.stop_bits or 1))
+        data = bits or self.data_bits or 8
+        return replace(line, char_bits=_character_bits(data, line.parity or "N", line._stop))
 
 
 def _character_bits(data: int, parity: str, stop: float) -> int:

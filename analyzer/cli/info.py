@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from dissectors.values import harmless
 
 from ..languages import counted, tr
-from ..languages.linewords import line_words
+from ..linewords import line_words
 from .commands import DONE
 from .inputs import add_capture_arguments, open_capture, tell_damage
 from .terminal import interruptible, put_json

@@ -170,11 +170,7 @@ def register_words(english: str, /, **numbers: object) -> str:
 
 def _worded(table: str, english: str, numbers: Mapping[str, object]) -> str:
     words: str = catalogue(_language.get()).get(table, {}).get(english, english)
-    if not numbers:
-        return words
-    if "|" in words:  # a noun that agrees with its number
-        return _FILLER.vformat(words, (), _numerals(numbers))
-    return words.format_map(_numerals(numbers))
+    return _FILLER.vformat(words, (), _numerals(numbers)) if numbers else words
 
 
 def grouped(number: int) -> str:

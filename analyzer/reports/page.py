@@ -12,7 +12,7 @@ from typing import Final
 from dissectors.values import harmless
 
 from ..languages import counted, grouped, page_words, phrase, retold
-from ..languages.linewords import line_words
+from ..linewords import line_words
 from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables
