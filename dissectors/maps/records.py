@@ -128,7 +128,7 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
     whole = {**_place(path, cells), **_lacking(given, cells), **cells}
     record = _placed(whole)
     speaks = len(plain) >= _FEW and any(map(numbers_in, cells.values()))
-    is_record = speaks or _has_address(plain) or record is not whole
+    is_record = any((speaks, _has_address(plain), record is not whole))
     yield from below if any(map(_has_address, below)) or not is_record else [record]
 
 
