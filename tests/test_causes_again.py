@@ -51,7 +51,7 @@ def test_an_echo_without_its_head_is_no_request_that_comes_again() -> None:
     assert named(causes(sent())) == [("driver-enabled-late", (3,))]
 
 
-@pytest.mark.xfail(reason="told as another cause since certainty is fitted on buses of other hands", strict=False)
+@pytest.mark.xfail(reason="told as another cause since certainty is fitted on buses of other hands", strict=True)
 @pytest.mark.parametrize("tick_ms", [0.0, 16.0])
 def test_the_rest_of_a_repeated_request_behind_an_answer_is_no_second_device_s(tick_ms: float) -> None:
     random = Random(2)
@@ -87,7 +87,7 @@ def test_answers_behind_silence_that_come_when_the_unit_never_answers_are_to_the
     assert named(causes(sent())) == [("timeout-too-short", (3,))]
 
 
-@pytest.mark.xfail(reason="told as another cause since certainty is fitted on buses of other hands", strict=False)
+@pytest.mark.xfail(reason="told as another cause since certainty is fitted on buses of other hands", strict=True)
 def test_what_ends_an_answer_late_is_a_second_device_s_and_no_noise_of_an_idle_line() -> None:
     """Beside noise that is: a spike makes low bits behind a start bit, and comes at any time."""
     random = Random(3)
