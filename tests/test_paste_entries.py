@@ -322,7 +322,7 @@ def test_a_frame_of_ascii_mode_is_found_byte_by_byte_behind_others() -> None:
 )
 def test_a_mistyped_byte_is_named(text: str, word: str) -> None:
     [left] = read(text).unread
-    assert left.why == f"'{word}' among the bytes is no byte"
+    assert left.why == f"'{word}' among the bytes is not a byte"
 
 
 @pytest.mark.parametrize("words", ["ok", "(8 bytes)", "5ms", "-> 3", "; 2nd try"])

@@ -31,7 +31,8 @@ def _answering(sample: Sample) -> int | None:
     """The unit whose right answer, by the function that was asked, is the first thing behind a request."""
     piece = next(iter(sample.pieces), None)
     data = piece.data if piece is not None and piece.check else b""
-    return data[0] if len(data) == sample.due and data[1] == sample.function and data[0] != sample.unit else None
+    is_right = len(data) == sample.due and data[1:2] == bytes((sample.function,))
+    return data[0] if is_right and data[0] != sample.unit else None
 
 
 def lent(evidence: Evidence, unit: UnitLedger) -> int:

@@ -88,7 +88,8 @@ def foreign_frames(ledger: Ledger, *, in_ascii: bool) -> tuple[str, int]:
     if ledger.noise_bytes <= _FOREIGN * ledger.bytes and sure < _FOREIGN_SURE:
         return "", 0  # so little may be anything
     data = b"".join(octets for _, _, octets in ledger.noise)
-    among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in (*UNCHECKED, _IN_WORDS))}
+    words = (_IN_WORDS,) * (in_ascii or ledger.noise_bytes == ledger.bytes)  # else there is nothing that text is beside
+    among = {name: count for name, count in PROTOCOLS.items() if name not in {*words, *tuple(UNCHECKED) * in_ascii}}
     frames = Counter({name: count(data) for name, count in among.items()})
     if in_ascii:
         frames[_RTU] = rtu_frames(octets for _, _, octets in ledger.noise)

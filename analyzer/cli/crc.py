@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _bytes(text: str) -> bytes:
-    """The bytes that a text gives, all of it, for the frame is sent: what is no byte, or may be another, is refused."""
+    """The bytes that a text gives, all of it, for the frame is sent: what is not a byte, or may be another, is refused."""
     from dissectors.crc import lrc
 
     is_ascii = text.startswith(":")
@@ -102,7 +102,7 @@ def _decimal(word: str, longest: int) -> bytes:
 
 
 def _no_byte(word: str) -> UsageError:
-    return UsageError(f"'{harmless(word)}' is no byte: write two hex digits for each, such as 11 03 00 6B")
+    return UsageError(f"'{harmless(word)}' is not a byte: write two hex digits for each, such as 11 03 00 6B")
 
 
 def _spaced(data: bytes) -> str:

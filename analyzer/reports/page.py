@@ -220,7 +220,8 @@ def _transactions(report: Report) -> Iterator[tuple[str, str]]:
     again = [counted(counts.retries, "retry", "retries")] if counts.retries else []
     if report.bytes_for_answers:
         again.insert(
-            0, page_words("{count:,} of the unanswered got bytes that are no answer", count=report.bytes_for_answers)
+            0,
+            page_words("{count:,} of the unanswered got bytes that are not an answer", count=report.bytes_for_answers),
         )
     again += [counted(counts.late, "late answer", "late answers")] if counts.late else []
     again += [counted(counts.echoes, "echo of the adapter", "echoes of the adapter")] if counts.echoes else []

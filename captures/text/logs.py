@@ -270,7 +270,7 @@ def _left_out(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
         left = ", ".join(quoted(line.clean[run.start : run.end]) for run in beside)
         yield f"{left} beside the bytes may also be bytes"
     for word in _spoilt(line, chosen):
-        yield f"{quoted(word)} among the bytes is no byte"
+        yield f"{quoted(word)} among the bytes is not a byte"
 
 
 def _spoilt(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
