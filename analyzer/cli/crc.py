@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _bytes(text: str) -> bytes:
-    """The bytes that a text gives, all of it, for the frame is sent: what is not a byte, or may be another, is refused."""
+    """The bytes that a text gives, all of it, for the frame is sent: what may be another byte, or none, is refused."""
     from dissectors.crc import lrc
 
     is_ascii = text.startswith(":")
