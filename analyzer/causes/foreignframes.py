@@ -88,9 +88,10 @@ def foreign_frames(ledger: Ledger, *, in_ascii: bool) -> tuple[str, int]:
     if ledger.noise_bytes <= _FOREIGN * ledger.bytes and sure < _FOREIGN_SURE:
         return "", 0  # so little may be anything
     data = b"".join(octets for _, _, octets in ledger.noise)
-    words = (_IN_WORDS,) * (in_ascii or ledger.noise_bytes == ledger.bytes)  # else there is nothing that text is beside
-    among = {name: count for name, count in PROTOCOLS.items() if name not in {*words, *tuple(UNCHECKED) * in_ascii}}
-    frames = Counter({name: count(data) for name, count in among.items()})
+    characters = UNCHECKED if in_ascii else frozenset()
+    if in_ascii or ledger.noise_bytes == ledger.bytes:
+        characters |= {_IN_WORDS}  # there is nothing that text would be beside
+    frames = Counter({name: count(data) for name, count in PROTOCOLS.items() if name not in characters})
     if in_ascii:
         frames[_RTU] = rtu_frames(octets for _, _, octets in ledger.noise)
     marked = NAMES[1 + int(ledger.foreign[1:].argmax())]
