@@ -89,6 +89,7 @@ class Drawn:
     retries: int = 1
     rounds: int = 40
     noise: float = 0.0
+    cycle_s: float | None = None  # from round to round, drawn where it is None
     extra: Callable[[int], list[tuple[int, bytes]]] = lambda _: []  # entries of one round more
     skips: Callable[[float, int, bytes], bool] = lambda _t, _unit, _pdu: False  # entries that the client leaves out
     header: LineSettings = field(default_factory=LineSettings)

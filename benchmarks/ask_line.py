@@ -32,6 +32,7 @@ def chunks_of(drawn: Drawn, tap: str, random: Random) -> list[Chunk]:
     baud = drawn.header.baud or 9600
     line = _DrawnLine(11e9 / baud)
     pause, cycle = random.uniform(5e6, 3e7) + 5 * line.char_ns, random.choice((0.0, 0.0, 5e8))
+    cycle = cycle if drawn.cycle_s is None else drawn.cycle_s * 1e9
     for turn in range(drawn.rounds):
         began = line.now
         for unit, pdu in [*drawn.polls, *drawn.extra(turn)]:

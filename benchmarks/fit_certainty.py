@@ -1,8 +1,14 @@
-"""Fits how sure causes are (`analyzer/causes/certainty.json`) on field cases, a fifth of all causes hidden in turns.
+"""Fits how sure causes are (`analyzer/causes/certainty.json`) on buses of several hands, causes hidden in turns.
 
     python benchmarks/fit_certainty.py [--seeds N] [--taps precise,ftdi16]          # fits, and writes the weights
+    python benchmarks/fit_certainty.py --turns [--seeds N]                           # without each hand, told on it
     python benchmarks/fit_certainty.py --told [--seeds N]                            # tells them on seeds held out
-    python benchmarks/fit_certainty.py --add CASE ... [--seeds N]                    # traits of causes that have none
+    python benchmarks/fit_certainty.py --add CASE ... [--seeds N]                    # traits of cases that are new
+    python benchmarks/fit_certainty.py --folder FOLDER                               # claims of captures, to the table
+
+The hands: the field cases with faults that have no word (`nameless`), the buses of `otherhand`, the lines of RTUBench,
+and captures that others drew, of which the claims alone are kept, as numbers (`data/claims.jsonl`; a folder has a
+`truth.json` beside its captures).
 
 Four minutes a seed on one core where no capture was made before, one where all were: three seeds to fit and two to tell
 are enough.
@@ -22,199 +28,30 @@ import json
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
-from enum import Enum
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
-from zlib import crc32
 
 import numpy as np
-from heard_cases import HELD_OUT, HeardCase, heard
-from nameless import is_fitted, nameless_cases
-from nameless_drawn import DRAWN
+from certainty_claims import FOLDS, TABLE, Claim, Sort, claims, claims_of_case, of_folder
+from heard_cases import HELD_OUT, heard
 from numpy.typing import NDArray
-from otherhand.kinds import OtherKind, every
-from rtubench.adapters.rtuscope_cli import CAUSES
-from rtubench.made import faults
-from score_causes import BINS, NEAREST, Bin, is_right
+from score_causes import BINS, Bin
 
 import analyzer.causes
 from analyzer.causes.certainty import Clues, certainty
-from analyzer.causes.evidence import Evidence
-from analyzer.causes.ledger import Ledger, ledger_of
-from analyzer.causes.reasoning import CauseClaim, claims_of
-from analyzer.causes.registry import Cause, suspects
-from analyzer.causes.traits import TRAITS, Traits, typical
-from analyzer.core import analyse
+from analyzer.causes.registry import suspects
+from analyzer.causes.traits import TRAITS, typical
 from analyzer.simulation.field.cases.registry import field_cases
-from captures.chunks import Capture, Chunk
-from captures.line import LineSettings
 
-_TURNS = 5
-_SHORT = 160  # rows
-_LOOKED_AT = 3
-_QUICK = 4  # seeds of lines that are made byte by byte, for each of those made bit by bit
-_BENCH = 250, 3  # requests of a line, and lines of each fault
-_STRUCK = 4
-_NO_WORD = 0.33  # of all claims: those about faults without a word, half of them with a word that is hidden
+_ACCUSES = 0.5
+_NO_WORD = 0.5  # of all claims: those about faults without a word, half of them with a word that is hidden
 _RIDGE = 1.0
 _CAUSE_RIDGE = 2.0  # a cause of its own is fitted only as far as its claims carry it
 _OTHER = -0.5  # the weight of a cause that is not among those fitted
 _LEAST = 0.005  # of a trait: what is rarer is not written down
-_FOLDS = 3
 _FILE = Path(analyzer.causes.__file__).parent / "certainty.json"
-
-
-class Sort(Enum):
-    """What is known of the fault that a claim is about."""
-
-    KNOWN = "known"
-    HIDDEN = "hidden"
-    NAMELESS = "nameless"
-
-
-class Claim(NamedTuple):
-    """One claim of one capture."""
-
-    cause: str
-    clues: Clues
-    traits: Traits
-    right: bool
-    case: str
-    seed: int
-    sort: Sort
-    weight: float = 1.0  # among those of its sort
-
-    @classmethod
-    def of(cls, claim: CauseClaim, made: HeardCase, *, right: bool, sort: Sort = Sort.KNOWN) -> Claim:
-        """With what is known of it."""
-        return cls(claim.cause.cause, claim.clues, claim.traits, right, made.name, made.seed, sort)
-
-    @property
-    def said(self) -> float:
-        """How sure it is told."""
-        return certainty(self.cause, self.clues, self.traits)
-
-    @property
-    def fold(self) -> int:
-        """Which part of the captures it is of."""
-        return crc32(f"{self.case} {self.seed}".encode()) % _FOLDS
-
-
-def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> Iterator[Claim]:
-    """All claims on these seeds: with the whole vocabulary, and with the fifth hidden that has the case's cause; and on
-    faults without a word, of the kinds that are `told` or of the others."""
-    names = [suspect.cause for suspect in suspects()]
-    for case in (field_cases()[name] for name in cases):
-        for tap in (tap for tap in taps if tap in case.taps):
-            for seed in seeds:
-                made = heard(case, tap, seed)
-                ledgers = [made.ledger()]
-                if tap == taps[0] and len(made.parts):
-                    ledgers.append(made.ledger(_SHORT))  # broken off, as many captures are
-                for ledger in ledgers:
-                    yield from _claims(made, ledger, names)
-                    if not told:
-                        yield from _struck(made, ledger)
-    more = range(seeds.start, seeds.start + _QUICK * len(seeds))
-    yield from _of_others(more, told=told)
-    yield from _of_bench(more)
-    for name, case in nameless_cases().items():
-        for tap in (tap for tap in (taps[:1] if name in DRAWN else taps) if tap in case.taps):
-            for seed in seeds if is_fitted(name) != told else ():
-                made = heard(case, tap, seed)
-                for claim in claims_of(Evidence(made.ledger()))[:_LOOKED_AT]:
-                    if claim.cause.severity != "note":
-                        true = claim.cause.cause in made.expected.also
-                        yield Claim.of(claim, made, right=true, sort=Sort.NAMELESS)
-
-
-def _of_others(seeds: range, *, told: bool) -> Iterator[Claim]:
-    """Of buses of another hand; with the causes that name the fault, and without these."""
-    for made in every(seeds):
-        kind, ledger = made.kind, _ledger(made.line, made.chunks)
-        known = bool(kind.causes) or kind.healthy
-        if not known and is_fitted(made.name) == told:
-            continue
-
-        def is_so(cause: Cause, kind: OtherKind = kind, at_fault: tuple[int, ...] = made.at_fault) -> bool:
-            theirs = not at_fault or set(cause.units) <= set(at_fault)
-            return cause.cause in kind.also or (cause.cause in kind.causes and theirs)
-
-        where = made.name, made.seed
-        yield from _told(ledger, (), is_so, where, Sort.KNOWN if known else Sort.NAMELESS)
-        if kind.causes:
-            near = [*kind.also, *(each for cause in kind.causes for each in NEAREST.get(cause, ()))]
-            yield from _told(ledger, kind.causes, partial(_is_among, near), where, Sort.HIDDEN)
-
-
-def _is_among(names: Collection[str], cause: Cause) -> bool:
-    return cause.cause in names
-
-
-def _of_bench(seeds: range) -> Iterator[Claim]:
-    """Of the lines of RTUBench, likewise."""
-    for item in (item for seed in seeds for item in faults.items(seed, *_BENCH)):
-        line = LineSettings(item.baud, item.char_bits, tap=item.tap)
-        ledger = _ledger(line, [Chunk(t_ns or 0, data) for t_ns, data in item.inputs["reads"]])
-        words, units = item.truth["causes"], set(item.truth["units"])
-        mine = [cause for cause, word in CAUSES.items() if word in words]
-        where = f"rtubench {item.name.rpartition('-')[0]}", crc32(item.name.encode())
-
-        def is_so(cause: Cause, mine: list[str] = mine, units: set[int] = units) -> bool:
-            return cause.cause in mine and set(cause.units) <= (units or set(cause.units))
-
-        yield from _told(ledger, (), is_so, where, Sort.KNOWN)
-        if mine:
-            yield from _told(ledger, mine, partial(_is_among, ()), where, Sort.HIDDEN)
-
-
-def _ledger(line: LineSettings, chunks: list[Chunk]) -> Ledger:
-    capture = Capture.of(line, chunks)
-    return ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
-
-
-def _told(
-    ledger: Ledger, hidden: Collection[str], is_so: Callable[[Cause], bool], where: tuple[str, int], sort: Sort
-) -> Iterator[Claim]:
-    among = [suspect for suspect in suspects() if suspect.cause not in hidden]
-    for each in claims_of(Evidence(ledger), among)[:_LOOKED_AT]:
-        if each.cause.severity != "note":
-            yield Claim(each.cause.cause, each.clues, each.traits, is_so(each.cause), *where, sort)
-
-
-def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim]:
-    expected = made.expected
-    faults = [expected, *([expected.beside] if expected.beside else [])]
-    for claim in claims_of(Evidence(ledger))[:_LOOKED_AT]:
-        if claim.cause.severity != "note" or expected.cause is not None:
-            true = any(is_right(claim.cause, fault) for fault in faults) or claim.cause.cause in expected.also
-            yield Claim.of(claim, made, right=true)
-    if not expected.cause or expected.beside:
-        return
-    turn = names.index(expected.cause) % _TURNS
-    among = [suspect for i, suspect in enumerate(suspects()) if i % _TURNS != turn]
-    for claim in claims_of(Evidence(ledger), among)[:_LOOKED_AT]:
-        near = claim.cause.cause in (*expected.also, *NEAREST.get(expected.cause, ()))
-        yield Claim.of(claim, made, right=near, sort=Sort.HIDDEN)
-
-
-def _struck(made: HeardCase, ledger: Ledger) -> Iterator[Claim]:
-    """What is claimed with the cause of a case hidden, and then with the first of these claims hidden as well."""
-    cause, found = made.expected.cause, list[Claim]()
-    if not cause or made.expected.beside:
-        return
-    near, hidden = (*made.expected.also, *NEAREST.get(cause, ())), {cause}
-    for _ in range(_STRUCK):
-        told = claims_of(Evidence(ledger), [each for each in suspects() if each.cause not in hidden])
-        found += [Claim.of(each, made, right=each.cause.cause in near, sort=Sort.HIDDEN) for each in told[:_LOOKED_AT]]
-        if not told:
-            break
-        hidden.add(told[0].cause.cause)
-    yield from (each._replace(weight=min(1.0, _LOOKED_AT / len(found))) for each in found)
 
 
 Spread = dict[str, float]
@@ -269,19 +106,17 @@ def fit(found: list[Claim]) -> dict[str, object]:
     """Ridge logistic regression."""
     names = sorted({claim.cause for claim in found if claim.right})  # one that is never so here may be so elsewhere
     of = {name: i for i, name in enumerate(names)}
-    others = [[each for each in found if each.fold != fold] for fold in range(_FOLDS)]
+    others = [[each for each in found if each.fold != fold] for fold in range(FOLDS)]
     known = [(shares_of(each), none_of(each)) for each in others]
     like = [typical(*known[claim.fold], claim.cause, claim.traits) for claim in found]
-    clues = np.array(
-        [(*claim.clues, *each.values(), min(each["ending"], 0.0)) for claim, each in zip(found, like, strict=True)]
-    )
+    clues = np.array([(*claim.clues, *each.values()) for claim, each in zip(found, like, strict=True)])
     offsets = np.zeros((len(found), len(names)))
     own = [(i, of[claim.cause]) for i, claim in enumerate(found) if claim.cause in of]
     offsets[tuple(np.array(own).T)] = 1
     x, y = np.hstack((np.ones((len(found), 1)), clues, offsets)), np.array([claim.right for claim in found], float)
     ridge = np.concatenate(([1e-3], np.full(clues.shape[1], _RIDGE), np.full(len(names), _CAUSE_RIDGE)))
     beta = _regression(x, y, weights_of(found), ridge)
-    n, named = clues.shape[1], (*Clues._fields, *TRAITS, "unlike")
+    n, named = clues.shape[1], (*Clues._fields, *TRAITS)
     return {
         "intercept": round(float(beta[0]), 4),
         "clues": {name: round(float(b), 4) for name, b in zip(named, beta[1 : n + 1], strict=True)},
@@ -307,6 +142,24 @@ def _regression(
     return beta
 
 
+def turns(found: list[Claim]) -> None:
+    """Without each hand in turn: what the others' weights make of it; the weights stay as they were."""
+    kept = _FILE.read_text("utf-8")
+    try:
+        for hand in sorted({claim.hand for claim in found}):
+            write(fit([claim for claim in found if claim.hand != hand]))
+            _forget()
+            print(f"without {hand}:")
+            tell([claim for claim in found if claim.hand == hand])
+    finally:
+        _FILE.write_text(kept, encoding="utf-8")
+        _forget()
+
+
+def _forget() -> None:
+    certainty.__globals__["_weights"].cache_clear()
+
+
 def bins(found: list[Claim]) -> Iterator[Bin]:
     """How sure the claims of each bin were, and how many of them were so, by what they count."""
     weights, said = weights_of(found), np.array([claim.said for claim in found])
@@ -326,6 +179,10 @@ def tell(found: list[Claim]) -> None:
         mine = np.array([claim.sort is sort for claim in found])
         if mine.any():
             print(f"{sort.value:<9}{mine.sum():5} claims, {said[mine].mean():.3f} said, {right[mine].mean():.3f} so")
+    nameless = [claim for claim in found if claim.sort is Sort.NAMELESS]
+    accused = {claim.where for claim in nameless if not claim.right and claim.said >= _ACCUSES}
+    shown = {claim.where for claim in nameless}
+    print(f"another cause told at {_ACCUSES} or more of {len(accused)} of {len(shown)} faults without a word")
     error = 0.0
     for each in bins(found):
         inside = (said >= each.low) & (said < each.high)
@@ -352,11 +209,12 @@ def keep(found: list[Claim]) -> None:
 
 
 def add(found: list[Claim]) -> None:
-    """The traits of causes that the weights know none of, which so far weigh as any other; all else stays."""
+    """The traits of new cases; a cause of which the weights knew none weighs as any other till the next fit."""
     kept = json.loads(_FILE.read_text("utf-8"))
     new = {claim.cause for claim in found if claim.cause not in kept["shares"]["ending"]}
-    for trait, shares in shares_of([claim for claim in found if claim.cause in new]).items():
-        kept["shares"][trait] |= shares
+    for trait, shares in shares_of(found).items():
+        for cause, kinds in shares.items():
+            kept["shares"][trait].setdefault(cause, []).extend(kinds)
     kept["causes"] = {cause: weight for cause, weight in kept["causes"].items() if cause not in new}
     write(kept)
 
@@ -366,20 +224,33 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("cases", nargs="*", metavar="CASE", default=list(field_cases()))
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--taps", default="precise,ftdi16")
-    parser.add_argument("--add", action="store_true", help="only add the traits of causes that have none")
+    parser.add_argument("--add", action="store_true", help="only add the traits of cases that are new")
     parser.add_argument("--told", action="store_true", help="tell the weights on seeds that were held out")
+    parser.add_argument("--turns", action="store_true", help="fit without each hand in turn, and tell that one")
+    parser.add_argument("--folder", type=Path, help="keep the claims of these captures in the table")
     options = parser.parse_args(arguments)
+    if options.folder:
+        with TABLE.open("a", encoding="utf-8") as table:
+            table.writelines(claim.line + "\n" for claim in of_folder(options.folder))
+        return 0
     if options.add:
         pairs = [(name, tap) for name in options.cases for tap in options.taps.split(",")]
         made = [heard(field_cases()[name], tap, seed) for name, tap in pairs for seed in range(options.seeds)]
         names = [suspect.cause for suspect in suspects()]
-        add([claim for each in made for claim in _claims(each, each.ledger(), names) if claim.sort is Sort.KNOWN])
+        add(
+            [claim for each in made for claim in claims_of_case(each, each.ledger(), names) if claim.sort is Sort.KNOWN]
+        )
         return 0
     first = HELD_OUT if options.told else 0
     found = list(claims(options.cases, range(first, first + options.seeds), options.taps.split(","), told=options.told))
     if not options.told:
+        found += map(Claim.kept, TABLE.read_text("utf-8").splitlines())
+    if options.turns:
+        turns(found)
+        return 0
+    if not options.told:
         write(fit(found))
-        certainty.__globals__["_weights"].cache_clear()
+        _forget()
     tell(found)
     if options.told:
         keep(found)

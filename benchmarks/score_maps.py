@@ -4,8 +4,9 @@
 
 Made-up makers in folds (`map_files.py`): `fit` and `held` may be looked at when words are added, `new` has languages
 and layouts of which nothing speaks; `late` tells the score. Whole files, written by hand, are `fresh-fit`, `fresh`,
-`unseen`, `later`, `wide` and `aside` (`maps/whole.toml`). `tests` are the oddities of the tests and the other
-programs' files. `--rows FILE` writes every row read, a line each, so that two versions can be compared row by row.
+`unseen`, `later`, `wide`, `aside` and `hands` (`maps/whole.toml`). `tests` are the oddities of the tests and the other
+programs' files. `drawn_maps.py` has files that are drawn, `restyled_maps.py` what stays right below unknown headings in
+another order. `--rows FILE` writes every row read, a line each, so that two versions can be compared row by row.
 """
 
 from __future__ import annotations
@@ -43,10 +44,10 @@ def read_rows(name: str, data: bytes) -> list[tuple[Any, ...]]:
 
 def scored(file: MadeFile, wrong: Counter[str]) -> int:
     """How many of a file's rows are read rightly; what is wrong of the others is counted."""
-    found = {row[1]: row for row in read_rows(file.name, file.data)}
+    found = {row[:2]: row for row in read_rows(file.name, file.data)}
     right = 0
     for row in file.rows:
-        read = found.get(row[1])
+        read = found.get(row[:2])
         bad = ["missing"] if read is None else [
             f"{cell}: {is_read!r}, not {is_shown!r}"
             for cell, is_read, is_shown in zip(_CELLS, read, row, strict=True)
@@ -79,7 +80,10 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
         "--fold",
-        choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "later", "wide", "aside", "tests"),
+        choices=(
+            *("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "later", "wide", "aside"),
+            *("hands-fit", "hands", "tests"),
+        ),
     )
     parser.add_argument("--wrong", action="store_true", help="print what is wrong in each file")
     parser.add_argument("--rows", type=Path, metavar="FILE", help="write every row that is read")

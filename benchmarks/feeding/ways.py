@@ -72,13 +72,14 @@ def gathered(stream: FedStream, random: Random) -> Told:
 
 
 def live(stream: FedStream, random: Random) -> Told:
-    """As a tap gives them: reads of some milliseconds together, silences told, never one in which bytes were sent."""
+    """As a tap gives them: reads of some milliseconds together, silences told, never one in which bytes were sent; none
+    behind the last, of which a file knows nothing: an answer may have been due."""
     analyzer = Analyzer(stream.line)
     notes = list(stream.notes)
     parts: list[Analysed] = []
     character_ns = stream.line.nominal_character_ns or 1e6
     begins = [chunk.t_ns - int(len(chunk.data) * character_ns) for chunk in stream.chunks]
-    quiet_until = np.minimum.accumulate(np.array([*begins, 1 << 62])[::-1])[::-1].tolist()
+    quiet_until = np.minimum.accumulate(np.array([*begins, stream.chunks[-1].t_ns])[::-1])[::-1].tolist()
     held: list[Chunk] = []
     for i, chunk in enumerate(stream.chunks):
         held.append(chunk)
