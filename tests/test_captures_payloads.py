@@ -10,7 +10,7 @@ import pytest
 
 from analyzer.cli import main
 from analyzer.paste import read
-from captures.text.entries import payload_of
+from captures.text.dumps import payload_of
 from dissectors.crc import crc_bytes
 
 ASK = bytes.fromhex("000900000006 1103 0064 0002")

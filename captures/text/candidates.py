@@ -68,7 +68,6 @@ MISTYPED: Final = re.compile(  # `O1 03 СD`, `O103СD...`
     rf"(?<!\w)(?:{TYPED}{{2}}(?:[ \t,-]{{1,2}}{TYPED}{{2}}){{3,}}|(?:{TYPED}{{2}}){{4,256}})(?!\w)"
 )
 LEFT_OUT: Final = ("...", "…")  # between bytes, or behind them
-CHECK_NAME: Final = r"(?:crc|lrc|checksum|кс|контрольная сумма|prüfsumme|校验码?|校驗碼?)(?:[-_ ]?16)?"
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
 _SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
 _NEAR: Final = 40  # characters
@@ -135,10 +134,12 @@ _OFFSET: Final = re.compile(
 )
 _ELLIPSIS: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")
 _HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))")
-_NAMES: Final = re.compile(r"[a-z][a-z0-9/]*")
+_NAMES: Final = re.compile(r"[^\W\d_][^\W_/]*(?:/[^\W_]+)*")
 _WORDS: Final = (
     "mac bssid uuid guid sha sha1 sha256 md5 hash commit rev revision version serial "
-    "s/n sn key token chip eui ip ptr pointer date time id chipid oid imei iccid"
+    "s/n sn key token chip eui ip ptr pointer date time id chipid oid imei iccid "
+    "tel tél tlf phone telefon telefono telefone téléphone fax mobile mobil cell iban order invoice "
+    "тел телефон факс счёт заказ"
 )
 _OTHER_THINGS: Final = frozenset(_WORDS.split())
 _OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")

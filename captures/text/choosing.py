@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -24,10 +24,9 @@ from .candidates import (
     shows,
 )
 from .digitruns import hex_candidates, other_candidates, run_together
-from .headings import ClockHabits
 from .judging import ByteJudge
+from .runs import ByteRun, Experience, covered
 from .tools import NONE, RX, TX, LineMark, either_way
-from .writings import LOOK_ALIKES
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
@@ -35,136 +34,10 @@ _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _PAIR_OF_HEX: Final = re.compile(r"(?<!\d)0\d(?!\d)")  # `00`, `03`: numbers are not written so
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
-_PATIENCE: Final = 50  # lines of digits run together, none of which is right
-_MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
 _LABEL: Final = 28  # characters
+_RUN_TOGETHER: Final = "digits run together"
 _NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
 _BLANKS: Final = re.compile(r"[\s|*#/<>`-]+(?=([:=]?))")
-
-
-@dataclass(slots=True)
-class ByteRun:
-    """Bytes that a line may hold: what was chosen of several readings of the same characters, and what became of it.
-
-    `label` is the text before it without its numbers, by which runs of one kind are known again, `heading` that of the
-    words above where none are before it; `direct`: a direction mark stands right before it. `checked` are the stretches
-    with right check values, in this run alone or together with its neighbours; `rivals` the shapes of other readings
-    that are as right.
-    """
-
-    data: bytes
-    start: int
-    end: int
-    shape: str
-    level: Writing
-    label: str = ""
-    mark: int = 0
-    direct: bool = False
-    heading: str = ""
-    ascii: bool = False
-    cut: bool = False
-    offset: str | None = None
-    halved: bool = False
-    sure: bool = False  # a tool's own layout says so
-    padded: bool = False  # the dump's end says that there is a byte less
-    checked: Sequence[Checked] = ()
-    taken: bool = False
-    why: str | None = None  # it was not taken
-    arrow: bool = False  # its mark is no word: `->` may join who asks to who answers
-    others: Sequence[HexWindow] = ()  # the same characters read otherwise
-    rivals: Sequence[str] = ()
-    width: int = 0  # digits of each word, where it is several
-    joined: int = 0  # the number of the frame with a right check value of which it is a part, with other runs
-    echoed: bool = False  # the answer to that may be the same bytes again
-
-    @property
-    def build(self) -> str:
-        """Its shape, and how wide its words are."""
-        return f"{self.shape} of {self.width}" if self.width else self.shape
-
-    def take(self, candidate: HexWindow | ByteRun) -> None:
-        """Read it otherwise."""
-        self.data, self.shape, self.start, self.end = candidate.data, candidate.shape, candidate.start, candidate.end
-
-
-@dataclass(slots=True)
-class Experience:
-    """What has been learnt of a text: how often runs of a label and a shape were there, and how often right.
-
-    Right is one with a right check value, or one behind words that is plainly bytes.
-    """
-
-    met: dict[tuple[str, str], int] = field(default_factory=dict)
-    reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
-    voices: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes that say what none above them says
-    plainest: float = 0.0  # bits of what looks most like bytes
-    proven: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of right check values
-    doubled: set[tuple[str, str]] = field(default_factory=set)  # of lines that each stand there several times
-    columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
-    numbers: dict[str, tuple[int, str]] = field(default_factory=dict)  # the same of lines without words
-    named: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines that name a field of a frame
-    fields: dict[str, int] = field(default_factory=dict)  # of lines of fields alike: which of them are bytes
-    tails: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of check values behind their frames
-    growing: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of buffers shown at each arrival
-    parted_in_vain: int = 0  # lines of digits run together
-    frames: int = 0  # that several runs are together
-    pieces_in_vain: int = 0  # of reads in pieces
-    in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
-    right: dict[tuple[str, str], int] = field(default_factory=dict)
-    shapes: set[str] = field(default_factory=set)  # in which check values are right
-    builds: set[str] = field(default_factory=set)  # the same with the width of words
-    mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
-    habits: ClockHabits = field(default_factory=ClockHabits)
-    threshold: Writing = Writing.BYTES
-    meanings: bool = False  # a byte a line beside what it means is bytes: there is nothing else
-    decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else
-    other: bool = False  # there are bytes that are beyond doubt
-    damaged: bool = False  # no check value is right: what has the length that its header says is as good
-
-    def note(self, run: ByteRun) -> None:
-        """One more run."""
-        if run.checked:
-            self.shapes.update((run.shape, *run.rivals))
-            self.builds.update((run.build, *run.rivals))
-            self.proven.add((run.label, run.shape))
-            if run.shape.startswith("pairs"):
-                self.shapes.add(LOOK_ALIKES)  # pairs, too, of letters that are typed in their place
-        right = run.checked or (run.level is Writing.BYTES and run.label)
-        for label in (run.label, _MARKED) if run.direct else (run.label,):
-            self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1
-            for shape in (run.shape, *run.rivals) if right else ():
-                self.right[label, shape] = self.right.get((label, shape), 0) + 1
-
-    def confirm(self, run: ByteRun) -> None:
-        """A run in whose writing, behind its label, a check value is right."""
-        key = run.label, run.shape
-        self.right[key] = self.right.get(key, 0) + 1
-        self.shapes.add(run.shape)
-
-    def support(self, run: ByteRun, span: Checked) -> None:
-        """A run is of the newest frame whose check value is right, though it does not hold all of it."""
-        run.joined, run.echoed = self.frames, span.repeats
-        self.builds.add(run.build)
-        self.proven.add((run.label, run.shape))
-
-    def trust(self, label: str, shape: str, *, direct: bool) -> int:
-        """How often what stands behind this label, or mark, in this shape was right; 0 where it mostly was not."""
-        most = 0
-        for name in (label, _MARKED) if direct else (label,):
-            right = self.right.get((name, shape), 0)
-            if 4 * right >= self.met.get((name, shape), 0):
-                most = max(most, right)
-        return most
-
-
-def covered(checked: Sequence[Checked]) -> int:
-    """How many bytes these stretches are."""
-    return sum(span.end - span.start for span in checked)
-
-
-def is_whole(run: ByteRun) -> bool:
-    """Whether all of a run has right check values."""
-    return bool(run.checked) and covered(run.checked) == len(run.data)
 
 
 def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:
@@ -246,10 +119,9 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
         checked = [span for span in checked if span.envelope != "tcp" and not experience.damaged]
     right = covered(checked)
     trusted = announced = 0
-    if experience.right and not padded:
+    if experience.taught and not padded:
         direct = candidate.start in line.first and candidate.start > line.begin
-        if size > 1 or not _is_listed(line, candidate):
-            trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
+        trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
         if not checked and size >= _HEADED and candidate.shape in experience.shapes:
             announced = bool(judge(candidate.data[:MOST_JUDGED], damaged=True))
     rank = (right, right - size if right else 0, announced, trusted, candidate.level, len(shown))
@@ -258,24 +130,17 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
 
 def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_Ranked]:
     """The only way to part digits that are run together of which all is right; looked for while some are found."""
-    if experience.damaged or experience.parted_in_vain >= _PATIENCE:
+    if experience.damaged or experience.patience.ends(_RUN_TOGETHER):
         return []
     ways = [_ranked(candidate, line, judge, experience) for candidate in run_together(line)]
     right = [entry for entry in ways if entry.whole and _is_beyond_chance(entry.checked[0])]
-    if ways:
-        experience.parted_in_vain = 0 if right else experience.parted_in_vain + 1
+    experience.patience.spend(_RUN_TOGETHER, bool(ways), found=bool(right))
     return right if len(right) == 1 else []
 
 
 def _is_beyond_chance(span: Checked) -> bool:
     """Whether a check value says it: zeros are a header of Modbus TCP in many a number."""
     return not (span.turned or span.odd) and span.envelope != "tcp"
-
-
-def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
-    """Whether it is one of several between commas."""
-    before, behind = line.before(candidate.start).rstrip(), line.text[candidate.end : candidate.end + _LABEL].lstrip()
-    return before.endswith(",") and behind.startswith(",")
 
 
 def _is_no_frame(candidate: HexWindow, shown: str) -> bool:

@@ -9,10 +9,10 @@ from typing import Final
 
 from ..checked import Checked
 from .candidates import H, Writing, counts_up
-from .choosing import ByteRun, Experience, covered, label_in
-from .judging import ByteJudge, lenient
+from .choosing import label_in
+from .judging import ByteJudge, frames_over, lenient
 from .loglines import LogLine
-from .seams import frames_over
+from .runs import FLOORS, ByteRun, Experience, covered
 from .tokens import JOINED, NumberToken, cell_of, holds_numbers, skeleton_of, tokens_of
 from .tools import names_a_way
 
@@ -29,7 +29,7 @@ _LETTERS: Final = re.compile(r"[g-zG-Z]")
 FIELDS: Final = 3  # names that make a list of a frame's fields
 _COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
 _OCTETS: Final = "b'' b'' b''"
-_PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
+_COLUMNS: Final = "columns"  # a search that has its patience
 
 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
@@ -72,15 +72,13 @@ def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
     """
     tokens = tokens_of(line)
     counted = _counted(tokens)
-    octets = sum(token.octet is not None for token in tokens)
+    octets = sum(token.octet for token in tokens)
     if counted is None and max(len(_FIELD.findall(line.clean)), octets) < LEAST_COLUMN:
         return
     tokens = tokens if counted is None else counted
     skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
-    ways = [tokens]
-    if not holds_bytes(line) or _LETTERS.search(line.clean) is not None:
-        plain = _without_names(tokens, line.clean)
-        ways += tokens[1:], plain, plain[1:]
+    plain = _without_names(tokens, line.clean)
+    ways = [tokens, tokens[1:], plain, plain[1:]]  # the first may be the number of the line
     readings = [(some, _joined_up([token.hexadecimal for token in some])) for some in ways]
     if counted is not None:
         readings.insert(0, (counted, _joined_up([token.decimal for token in counted])))
@@ -124,60 +122,56 @@ def _exactly(data: bytes, judge: ByteJudge) -> bool:
 
 
 def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -> None:
-    """One number of each line, always the same one, where those are frames.
-
-    Of lines that are alike first, whether one below the other or with others between; then of all.
-    """
-    apart: dict[str, list[LogLine]] = {}
+    """One number of each line, always the same one, where those are frames: of lines that are alike, then of all."""
+    known = experience.columns
+    kinds: dict[str, list[LogLine]] = {}
     for line in lines:
-        apart.setdefault(skeleton_of(line), []).append(line)
-    adjacent = [list(same) for _, same in groupby(lines, skeleton_of)]
-    tried = {tuple(map(id, alike)) for alike in adjacent}
-    for alike in (*adjacent, *(some for some in apart.values() if tuple(map(id, some)) not in tried)):
-        skeleton = skeleton_of(alike[0])
-        if skeleton in experience.columns:
-            _take_column(alike, *experience.columns[skeleton])
-        elif experience.in_vain > _PATIENCE:
+        kinds.setdefault(skeleton_of(line), []).append(line)
+    for skeleton, alike in kinds.items():
+        ways = [known[skeleton]] if skeleton in known else []
+        if not ways and experience.patience.ends(_COLUMNS):
             continue
-        elif (found := _one_column(alike, judge, alike=True, damaged=experience.damaged)) is not None:
-            experience.columns[skeleton] = found
-        elif ways := set(experience.columns.values()):
+        if (found := _one_column(alike, judge, ways, alike=True, damaged=experience.damaged)) is not None:
+            known[skeleton] = found
+        elif skeleton not in known and (
+            ways := [*{*known.values()}]
+        ):  # as long as a header says, in a column of others
             _one_column(alike, lenient(judge), ways, alike=True, damaged=True)
-    if 2 * bytes_of_columns(lines) < len(lines) and experience.in_vain <= _PATIENCE and not experience.damaged:
+    searched = experience.damaged or experience.patience.ends(_COLUMNS)
+    if 2 * sum(map(is_of_column, lines)) < len(lines) and not searched:
         found = _one_column(lines, judge, alike=False)
-        signs = {skeleton for skeleton in apart if not any(map(str.isalpha, skeleton))}
         if found is not None:
-            experience.numbers.update(dict.fromkeys(signs, found))
-            inside = {skeleton_of(line) for line in lines if bytes_of_columns([line])}
-            experience.named.update(dict.fromkeys(inside - signs - set(experience.columns), found))
+            bare = {skeleton for skeleton in kinds if not any(map(str.isalpha, skeleton))}
+            inside = {skeleton_of(line) for line in lines if is_of_column(line)}
+            known |= dict.fromkeys((bare | inside) - {*known}, found)
     _take_known(lines, experience)
-    experience.in_vain = 0 if bytes_of_columns(lines) else experience.in_vain + len(lines)
+    experience.patience.spend(_COLUMNS, len(lines), found=any(map(is_of_column, lines)))
 
 
 def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
-    """Lines like those of frames are read as those were, though their check value is wrong.
-
-    Where most fields of a frame are known by their names, so are those between. A name that comes again begins a frame.
-    """
+    """Lines like those of frames are read as those were, though their check value is wrong."""
     names = [skeleton_of(line) for line in lines]
-    known = [experience.numbers.get(name) or experience.named.get(name) for name in names]
-    fields = {name for name, way in zip(names, known, strict=True) if way is not None and any(map(str.isalpha, name))}
-    ways = {way for way in known if way is not None}
-    if len(ways) == 1 and len(fields) >= FIELDS:
-        inside = [i for i, way in enumerate(known) if way is not None]
-        known[inside[0] : inside[-1] + 1] = [*ways] * (inside[-1] + 1 - inside[0])
-    named: set[str] = set()
-    for i, (line, name, way) in enumerate(zip(lines, names, known, strict=True)):
-        if way is None or bytes_of_columns([line]) or holds_bytes(line):
-            continue
-        _take_column([line], *way)
-        line.continues = i > 0 and name in fields - named and bytes_of_columns([lines[i - 1]]) > 0
-        named = named | {name} if line.continues else {name}
+    fields = {name for name in names if name in experience.columns and any(map(str.isalpha, name))}
+    above: LogLine | None = None
+    for line, name in zip(lines, names, strict=True):
+        way = experience.columns.get(name)
+        if is_of_column(line) or (holds_bytes(line) and len(fields) > 1):
+            above = None
+        elif way is not None and (cell := cell_of(line, *way)) is not None and (part := cell.value(way[1])):
+            take_tokens(line, [cell], part)
+            line.continues = above is not None and _is_right_below(above, line)
+            above = line
 
 
-def bytes_of_columns(lines: Sequence[LogLine]) -> int:
-    """How many of these lines are bytes of a column."""
-    return sum(any(run.taken and run.shape == COLUMN_SHAPE for run in line.runs) for line in lines)
+def _is_right_below(above: LogLine, line: LogLine) -> bool:
+    """Whether a line goes on with a frame: the next one, at the same time, of nobody else."""
+    marks = {one.runs[-1].mark for one in (above, line)} - {0}
+    return (above.number + 1, above.t_ns) == (line.number, line.t_ns) and len(marks) < 2
+
+
+def is_of_column(line: LogLine) -> bool:
+    """Whether a line is a byte of a column."""
+    return any(run.taken and run.shape == COLUMN_SHAPE for run in line.runs)
 
 
 def _one_column(
@@ -193,26 +187,30 @@ def _one_column(
     Of lines `alike` what stands between two frames is taken, too. `ways` are all that it may be, where there are any.
     `damaged`: no check value is right, so that every line must be of a frame, and none a number of the lines.
     """
+    if len(lines) < LEAST_COLUMN:
+        return None
     tried: list[list[bytes]] = []  # of lines with as many numbers each, every column comes twice
-    best: tuple[tuple[int, bool], int, str, list[int]] | None = None  # that of the most lines, best one below the other
-    for i, reading, cells in _ways(lines) if len(lines) >= LEAST_COLUMN else ():
+    found: list[tuple[tuple[int, bool], tuple[int, str], list[int]]] = []  # of how many lines, below one another
+    shown = [*map(holds_bytes, lines)]
+    for way, cells in _ways(lines, ways):
+        whole = way[1] != JOINED
         parts = [
-            b"" if cell is None or (reading != JOINED and holds_bytes(line)) else cell.value(reading)
-            for line, cell in zip(lines, cells, strict=True)
+            b"" if cell is None or (whole and other) else cell.value(way[1])
+            for cell, other in zip(cells, shown, strict=True)
         ]
-        if (ways and (i, reading) not in ways) or parts in tried or (damaged and _is_numbering(parts)):
+        if parts in tried or (damaged and _is_numbering(parts)):
             continue
         tried.append(parts)
         inside = _inside_frames(parts, judge)
         rows = len(inside) - inside.count(0)
         starts = {cell.start for cell, frame in zip(cells, inside, strict=True) if cell is not None and frame}
-        if rows > damaged * (len(lines) - 1) and (best is None or (rows, len(starts) == 1) > best[0]):
-            best = (rows, len(starts) == 1), i, reading, inside
-    if best is None:
+        if rows > damaged * (len(lines) - 1):
+            found.append(((rows, len(starts) == 1), way, inside))
+    if not found:
         return None
-    _, i, reading, inside = best
-    _take_inside(lines, i, reading, inside, alike=alike)
-    return i, reading
+    _, way, inside = max(found, key=lambda one: one[0])
+    _take_inside(lines, *way, inside, alike=alike)
+    return way
 
 
 def _take_inside(lines: list[LogLine], i: int, reading: str, inside: Sequence[int], *, alike: bool) -> None:
@@ -223,18 +221,23 @@ def _take_inside(lines: list[LogLine], i: int, reading: str, inside: Sequence[in
         cell = cell_of(line, i, reading)
         if cell is not None and cell.value(reading) and (alike or frame):
             take_tokens(line, [cell], cell.value(reading))
-            line.continues = frame > 0 and above[0] == frame and above[1].t_ns == line.t_ns
+            line.continues = row > rows[0] and above[0] == frame and above[1].t_ns == line.t_ns
             above = frame, line
 
 
-def _ways(lines: Sequence[LogLine]) -> Iterator[tuple[int, str, list[NumberToken | None]]]:
+def _ways(
+    lines: Sequence[LogLine], known: Collection[tuple[int, str]]
+) -> Iterator[tuple[tuple[int, str], list[NumberToken | None]]]:
     """Which number of each line may be a byte, from either end, how it may be read, and those numbers."""
-    bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
+    table: Sequence[Sequence[NumberToken]] = [tokens_of(line) for line in lines]
+    bits = any(token.is_bits for tokens in table[:LEAST_COLUMN] for token in tokens)
     for reading in ("hexadecimal", "decimal", *(("binary",) * bits), JOINED):
-        table = [tokens_of(line, reading) for line in lines]
+        if reading == JOINED:
+            table = [tokens_of(line, JOINED) for line in lines]
         fewest = min(max(map(len, table)), _MOST_COLUMNS)
         for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
-            yield i, reading, [tokens[i] if -len(tokens) <= i < len(tokens) else None for tokens in table]
+            if not known or (i, reading) in known:
+                yield (i, reading), [tokens[i] if -len(tokens) <= i < len(tokens) else None for tokens in table]
 
 
 def _is_numbering(parts: Sequence[bytes]) -> bool:
@@ -249,17 +252,6 @@ def _inside_frames(parts: Sequence[bytes], judge: ByteJudge) -> list[int]:
     for number, (_, first, end) in enumerate(frames_over(parts, judge), 1):
         inside[first:end] = [number] * (end - first)
     return inside
-
-
-def _take_column(lines: list[LogLine], i: int, reading: str) -> None:
-    above: LogLine | None = None
-    for line in lines:
-        cell = cell_of(line, i, reading)
-        if cell is not None and (part := cell.value(reading)):
-            take_tokens(line, [cell], part)
-            near = above is not None and (above.number + 1, above.t_ns) == (line.number, line.t_ns)
-            line.continues = above is not None and near and above.runs[-1].mark == line.runs[-1].mark
-            above = line
 
 
 def take_tokens(line: LogLine, tokens: Sequence[NumberToken], data: bytes, *, checked: bool = True) -> None:
@@ -285,16 +277,14 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
         group = list(same)
         if twice and len(group) >= LEAST_COLUMN and not any(map(holds_bytes, group)):
             _take_unchecked(group, [tokens_of(line)[-1] for line in group])
-    for loose, same in groupby(
-        lines, lambda line: holds_numbers(line) and not is_right(line) and not holds_bytes(line)
-    ):
+    for loose, same in groupby(lines, _is_loose):
         group = list(same)
         table = [tokens_of(line, JOINED) for line in group]
         if not loose or len(group) < LEAST_COLUMN or not all(table):
             continue
         bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(group, table, strict=True))
-        named = _are_numbered(table) or len({skeleton_of(line) for line in group}) >= FIELDS
-        if not bare and not (experience.meanings and named):
+        named = len({skeleton_of(line) for line in group}) >= FIELDS
+        if not bare and not (experience.floor == FLOORS[-1] and named):
             continue
         columns = [[tokens[i] for tokens in table] for i in (0, -1)]
         column = next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), None)
@@ -319,12 +309,6 @@ def _in_two_bases(line: LogLine) -> bool:
     if said is None or not tokens[-1].signed or not names_a_way(skeleton_of(line)):
         return False
     return int(tokens[-1].digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
-
-
-def _are_numbered(table: Sequence[Sequence[NumberToken]]) -> bool:
-    """Whether lines begin with their numbers, from 0 or 1 on."""
-    numbers = [tokens[0].digits for tokens in table if len(tokens) > 1]
-    return any(numbers == [*map(str, range(first, first + len(table)))] for first in (0, 1))
 
 
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:

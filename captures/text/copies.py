@@ -9,18 +9,14 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import groupby, pairwise
 from typing import Final
 
-from .candidates import LEFT_OUT
-from .choosing import ByteRun, Experience
 from .columns import COLUMN_SHAPE
 from .loglines import LogLine
+from .runs import ByteRun, Experience
 from .weighing import reads_of
 
 _REMEMBERED: Final = 4  # entries of which one may be said again
-_CRC: Final = 2  # bytes
-_MBAP: Final = 7  # bytes before a PDU
 _NAMED_ALIKE: Final = 8  # characters
 _ENTRY_LINES: Final = 16  # between two reports of the same bytes
 _BETWEEN: Final = 2  # other whole frames, after which, in a text without times, a frame is there again
@@ -78,8 +74,7 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
             near = _one_report(earlier, entry) and others < _BETWEEN
             drop = _copy_of_two(earlier, entry, experience, turned=turned) if near else None
             if drop is None:
-                spoke = _speaks_between(earlier, entry) if near else 0 != earlier.mark != entry.mark != 0
-                turned = turned or spoke
+                turned = turned or 0 != earlier.mark != entry.mark != 0
                 others += earlier.checked and earlier.last is not entry.first
             elif drop is earlier:
                 _leave_out_copy(earlier, entry)
@@ -100,7 +95,7 @@ def _note_voices(entries: Sequence[_Entry], experience: Experience) -> None:
     said: deque[bytes] = deque(maxlen=_REMEMBERED)
     for entry in entries:
         if entry.checked and entry.template[0] and not any(entry.data in data for data in said):
-            experience.voices.add(entry.template)
+            experience.of(*entry.template).voice = True
         said.append(entry.data)
 
 
@@ -119,8 +114,8 @@ def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None
             alike.append([line])
     for kind, alike in kinds.items():
         if len(alike) > 1 and all(len(same) > 1 for same in alike):
-            experience.doubled.add(kind)
-        for first, *more in alike if kind in experience.doubled else ():
+            experience.of(*kind).doubled = True
+        for first, *more in alike if experience.of(*kind).doubled else ():
             for run in (run for line in more for run in line.runs):
                 run.taken, run.why = False, f"the same bytes as in line {first.number}"
 
@@ -142,11 +137,6 @@ def _one_report(earlier: _Entry, entry: _Entry) -> bool:
     return abs(second - first) <= limit
 
 
-def _speaks_between(between: _Entry, entry: _Entry) -> bool:
-    """Whether a frame, in the line of another, is one of its own: somebody spoke, and the next may be said again."""
-    return between.last is entry.first and between.data not in entry.data
-
-
 def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turned: bool) -> _Entry | None:
     """The one of two that only repeats bytes of the other; None where both are of their own.
 
@@ -154,8 +144,6 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     """
     if not turned and _has_grown(earlier, entry, experience):
         return earlier
-    if _is_pdu_of(entry, earlier):
-        return entry
     if earlier.template == entry.template:
         return entry if _is_logged_twice(earlier, entry) else None
     if _is_own_voice(earlier, entry, experience) or (turned and earlier.last is entry.first):
@@ -172,7 +160,7 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
 
 def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
     """Whether an answer repeats the request above, all of it or as far as it came: both speak for themselves."""
-    heard = {earlier.template, entry.template} <= experience.voices
+    heard = experience.of(*earlier.template).voice and experience.of(*entry.template).voice
     return heard and (earlier.mark != entry.mark or not entry.mark)
 
 
@@ -192,14 +180,6 @@ def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experi
     names = {one.template[0][:_NAMED_ALIKE] for one in (earlier, entry)}  # `port data`, `port buffer`
     known = pair in experience.reports or (elsewise and earlier.parts[0][1].sure)
     return known or marked or (len(names) == 1 and names != {""})
-
-
-def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
-    """Whether bytes are what a frame carries, without its unit and all that is around, or a buffer without its CRC."""
-    if entry.checked or not earlier.checked or entry.template == earlier.template:
-        return False
-    whole = () if entry.mark else (earlier.data[:-_CRC],)
-    return entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:], *whole)
 
 
 def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
@@ -222,31 +202,5 @@ def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
     if not begins or earlier.checked or earlier.template != entry.template or not earlier.template[0]:
         return False
     if entry.checked:
-        experience.growing.add(entry.template)
-    return entry.template in experience.growing
-
-
-_LEAST_ROWS: Final = 4  # of one byte each that can be a frame
-
-
-def settle_behind_cuts(lines: Sequence[LogLine]) -> None:
-    """`01 03 14 00 … C4 20`: bytes written as those before, behind a sign that some between are left out."""
-    for line in lines:
-        for before, run in pairwise(line.runs):
-            if before.taken and before.cut and line.clean[before.end : run.start].strip(" \t,") in LEFT_OUT:
-                run.taken = len(run.data) > 1
-
-
-def settle_single_bytes(lines: Sequence[LogLine]) -> None:
-    """`RX: 03`, `RX: 56`: bytes that come a line each; where most are plainly bytes, so is what looks decimal."""
-    for key, same in groupby(lines, _single_byte):
-        runs = [line.runs[0] for line in same] if key is not None else []
-        for run in runs if len(runs) >= _LEAST_ROWS else ():
-            run.taken = run.why is None
-
-
-def _single_byte(line: LogLine) -> tuple[str, str, int, int | None] | None:
-    """How a line shows the only byte that it ends with; None of other lines."""
-    if len(line.runs) != 1 or len((run := line.runs[0]).data) != 1 or not run.mark:
-        return None
-    return run.label, run.shape, run.mark, line.t_ns
+        experience.of(*entry.template).growing = True
+    return experience.of(*entry.template).growing

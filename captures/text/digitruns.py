@@ -50,7 +50,7 @@ _SIGN: Final = (  # C, PLC languages, Pascal, Basic, URLs, Verilog
 _FRACTION: Final = r"(?!\.\d{1,3}(?:[\s)]|[mµu]?s))"  # `10.5ms` behind bytes
 _BETWEEN: Final = r"(?:[\s,;|'\"\\]{0,4}|[-:/.]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|\)[ \t]?\()"  # of signed bytes
 _UP_TO_SIGN: Final = rf"{H}+?(?=(?P=sign)|(?!{H}))"  # the next byte's, which may begin with a digit
-_PAIRS, _SIGNED, _WORDS, _PREFIXED, _DECIMALS, _RUN_TOGETHER, _ASCII = (
+_PAIRS, _SIGNED, _WORDS, _PREFIXED, _DECIMALS, _RUN_TOGETHER = (
     re.compile(pattern)
     for pattern in (
         rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_FRACTION}{_GLUED}",
@@ -64,13 +64,12 @@ _PAIRS, _SIGNED, _WORDS, _PREFIXED, _DECIMALS, _RUN_TOGETHER, _ASCII = (
         r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}+|"
         r"\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+)",
         rf"{EDGE}{H}{{8,24}}{END}",
-        rf"(?<![0-9A-Za-z_])(?::(?:{H}{{2}}){{3,300}})+{END}",
     )
 )
-_NUMBER, _GAP, _MINUTE, _GOES_ON, _OF_YEAR, _BITS = (
+_NUMBER, _GAP, _MINUTE, _GOES_ON, _OF_YEAR = (
     re.compile(pattern)
     for pattern in (
-        r"-?\d+", r"[ \t]+", r"(?:[01]\d|2[0-3]):[0-5]\d", r"\w|[.,]\d|-\d", r"20\d\d-", r"0[bB][01]{8}$",
+        r"-?\d+", r"[ \t]+", r"(?:[01]\d|2[0-3]):[0-5]\d", r"\w|[.,]\d|-\d", r"20\d\d-",
     )
 )  # fmt: skip
 
@@ -81,7 +80,6 @@ def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
     yield from _signed(line)
     yield from _words(line)
     yield from _prefixed(line)
-    yield from _ascii_frames(line.text)
     yield from of_rows(HEX_ROWS, line.text)
 
 
@@ -91,16 +89,6 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
         yield from escaped_candidates(line.text)
         yield from _decimals(line.text)
         yield from of_rows(OTHER_ROWS, line.text)
-
-
-def _ascii_frames(text: str) -> Iterator[HexWindow]:
-    """`:1103006B00037E`, each by itself where several stand end to end."""
-    for match in _ASCII.finditer(text):
-        end = match.start()
-        for frame in match[0][1:].split(":"):
-            start, end = end, end + 1 + len(frame)
-            level = Writing.NUMBER if _BITS.match(frame) else Writing.BYTES
-            yield HexWindow(f":{frame}\r\n".encode(), start, end, "ascii", level, ascii=True)
 
 
 def _pairs(line: TextLine) -> Iterator[HexWindow]:
@@ -177,20 +165,11 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
         tokens = match[0].split(gap)
         data = bytes.fromhex("".join(tokens))
         level = _level_of_signed(tokens, gap.strip())
-        listed = match.start() not in line.first and counts_up(data)
-        if listed or _goes_on(text, *match.span(), gap) or _MINUTE.fullmatch(match[0]):
+        if (match.start() not in line.first and counts_up(data)) or _MINUTE.fullmatch(match[0]):
             level = Writing.NUMBER  # a list of other numbers, `10:15`
         elif line.alone(match.start(), end):
             level = max(level, Writing.LIKELY)
         yield HexWindow(data, match.start(), end, f"pairs{gap.strip()}", level)
-
-
-def _goes_on(text: str, start: int, end: int, gap: str) -> bool:
-    """Whether the list of these goes on with what is no pair."""
-    if text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum():
-        return True
-    before = start - len(gap)
-    return before > 0 and text.startswith(gap, before) and text[before - 1].isdigit()
 
 
 def _level_of_signed(tokens: list[str], gap: str) -> Writing:

@@ -1,13 +1,20 @@
-"""The rows of a dump: whether an offset goes on with those before, and what stands below its rows."""
+"""The rows of a dump: whether an offset goes on with those before, what stands below them, what they carry together.
+
+hexdump, od and xxd write `*` in place of rows that are like the one above. Bytes are taken for what a packet carries
+(`tcpdump -X`, `tshark -x`) only where its headers agree on its length to the byte: RFC 791, RFC 9293, RFC 768.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
-from .choosing import ByteRun
+from .entries import NumberedLine
 from .escapes import OD_BELOW, od_bytes
+from .runs import ByteRun
+from .tools import NONE, RX, TX
 
 _DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
 
@@ -59,3 +66,121 @@ class Dump:
         if digits.isdigit() and not self.first:
             bases += [10, 8] if set(digits) <= set("01234567") else [10]
         return any(int(digits, base) == (self.first if base == 16 else 0) + length for base in bases)
+
+
+_ROW: Final = re.compile(r"^(?P<lead>\s*)(?P<offset>[0-9A-Fa-f]{4,8})(?P<rest>:?\s+\S.*)?$")
+_OCTAL: Final = frozenset("01234567")
+_OD_DIGITS: Final = 7  # of an offset in octal
+_WIDTH: Final = 16  # bytes of a row, unless two rows say otherwise
+_ROWS_AGAIN: Final = 4096  # rows that are written again in one text
+
+
+class _DumpRow(NamedTuple):
+    lead: str
+    offset: str
+    rest: str
+
+
+def with_repeats(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
+    """Lines with their numbers, each `*` between two rows of a dump as the rows for which it stands."""
+    above: list[_DumpRow] = []  # the last two rows
+    held: NumberedLine | None = None
+    left = _ROWS_AGAIN
+    for number, line in lines:
+        if above and line.strip() == "*":
+            held = held or (number, line)
+            continue
+        row = _row(line)
+        if held is not None:
+            rows = _between(above, row.offset) if row is not None else ()
+            if 0 < len(rows) <= left:
+                left -= len(rows)
+                for text in rows:
+                    yield held[0], text
+            else:
+                yield held
+            held = None
+        above = [*above[-1:], row] if row is not None and row.rest else []
+        yield number, line
+    if held is not None:
+        yield held
+
+
+def _row(line: str) -> _DumpRow | None:
+    match = _ROW.match(line.rstrip("\r\n"))
+    return None if match is None else _DumpRow(match["lead"], match["offset"], match["rest"] or "")
+
+
+def _between(above: list[_DumpRow], following: str) -> list[str]:
+    """The rows between the last one and the next offset; none where the offsets do not say how many."""
+    last = above[-1]
+    for base in _bases(above, following):
+        begin, end = int(last.offset, base), int(following, base)
+        width = begin - int(above[0].offset, base) if len(above) > 1 else _WIDTH
+        count = (end - begin) // width - 1 if width > 0 else 0
+        if 0 < count <= _ROWS_AGAIN and end - begin - (count + 1) * width < width:
+            digits = "o" if base == 8 else "x"
+            numbers = (f"{begin + i * width:0{len(last.offset)}{digits}}" for i in range(1, count + 1))
+            return [f"{last.lead}{number}{last.rest}" for number in numbers]
+    return []
+
+
+def _bases(above: list[_DumpRow], following: str) -> tuple[int, ...]:
+    """In which base offsets can be: od writes seven octal digits before bytes."""
+    offsets = [row.offset for row in above] + [following]
+    if not all(len(one) == _OD_DIGITS and set(one) <= _OCTAL for one in offsets):
+        return (16,)
+    if len(above) > 1:
+        return (16,) if int(offsets[1], 16) - int(offsets[0], 16) == _WIDTH else (8,)
+    return (16, 8)
+
+
+_IP_AT: Final = {0: None, 14: 12, 16: 14, 18: 16}  # where IP begins: bare, Ethernet, Linux SLL, VLAN; and its type
+_IPV4: Final = b"\x08\x00"
+_LEAST_IP: Final = 20
+_LEAST_FRAME: Final = 60  # bytes that Ethernet fills up to
+_TCP: Final = 6
+_UDP: Final = 17
+_UDP_HEADER: Final = 8
+_MODBUS_PORT: Final = 502
+
+
+class Payload(NamedTuple):
+    """The bytes of a TCP segment or UDP datagram, none of an acknowledgement; `mark` by the port of Modbus, or 0."""
+
+    data: bytes
+    mark: int
+
+
+def payload_of(packet: bytes) -> Payload | None:
+    """What a whole packet carries; None of all other bytes."""
+    for at, kind in _IP_AT.items():
+        if kind is None or packet[kind:at] == _IPV4:
+            found = _of_ip(packet, at)
+            if found is not None:
+                return found
+    return None
+
+
+def _of_ip(packet: bytes, at: int) -> Payload | None:
+    if len(packet) < at + _LEAST_IP or packet[at] >> 4 != 4:
+        return None
+    header, total = 4 * (packet[at] & 15), _number(packet, at + 2)
+    filled = at > 0 and len(packet) == _LEAST_FRAME
+    if header < _LEAST_IP or (at + total != len(packet) and not (filled and at + total < len(packet))):
+        return None
+    begin, end, protocol = at + header, at + total, packet[at + 9]
+    if protocol == _TCP and begin + 20 <= end and 20 <= (size := packet[begin + 12] >> 4 << 2) <= end - begin:
+        return _marked(packet, begin, packet[begin + size : end])
+    if protocol == _UDP and begin + _UDP_HEADER <= end and _number(packet, begin + 4) == end - begin:
+        return _marked(packet, begin, packet[begin + _UDP_HEADER : end])
+    return None
+
+
+def _marked(packet: bytes, begin: int, data: bytes) -> Payload:
+    source, destination = _number(packet, begin), _number(packet, begin + 2)
+    return Payload(data, TX if destination == _MODBUS_PORT else RX if source == _MODBUS_PORT else NONE)
+
+
+def _number(packet: bytes, at: int) -> int:
+    return int.from_bytes(packet[at : at + 2], "big")

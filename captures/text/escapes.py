@@ -1,4 +1,4 @@
-r"""Bytes that a text shows as characters: strings with escapes, `od -c`, `cat -v`, names of control characters.
+r"""Bytes that a text shows as characters: strings with escapes, and how others of `writings` show one.
 
 But for strings with `\x` they are bytes only where a check value says so.
 """
@@ -15,11 +15,11 @@ from .candidates import H, HexWindow, Writing
 _NAMES: Final = (
     "NUL SOH STX ETX EOT ENQ ACK BEL BS HT LF VT FF CR SO SI DLE DC1 DC2 DC3 DC4 NAK SYN ETB CAN EM SUB ESC FS GS RS US"
 )
-_CONTROLS: Final = {name: code for code, name in enumerate(_NAMES.split())} | {"TAB": 9, "DEL": 127}
+CONTROLS: Final = {name: code for code, name in enumerate(_NAMES.split())} | {"TAB": 9, "DEL": 127}
 _SIMPLE: Final = dict(
     zip("abtnvfre0s", (b"\a", b"\b", b"\t", b"\n", b"\v", b"\f", b"\r", b"\x1b", b"\0", b" "), strict=True)
 )
-_CELLS: Final = r"(?P<row>(?: {3}[ -~]| {2}\\[0abtnvfr]| [0-7]{3}){1,16})\s*$"  # of `od -c`
+OD_CELLS: Final = r"(?: {3}[ -~]| {2}\\[0abtnvfr]| [0-7]{3}){1,16}"  # of a row of `od -c`
 _ESCAPES, _QUOTE, _INNER, _BARE, _HALF = (
     re.compile(pattern, re.DOTALL)
     for pattern in (
@@ -31,47 +31,25 @@ _ESCAPES, _QUOTE, _INNER, _BARE, _HALF = (
     )
 )
 # What a character of a string may be: the group that matches says how it is a byte.
-_ESCAPE, _DECIMAL_ESCAPE, _HEX_ESCAPE, _CONTROL, _CARET = (
+_ESCAPE, _DECIMAL_ESCAPE, HEX_ESCAPE, CONTROL, CARET = (
     re.compile(pattern, re.DOTALL)
     for pattern in (
         rf"\\(?:(?:[ux](?P<brace>\{{)|x|u00)(?P<hex>{H}{{1,2}})(?(brace)\}})|(?P<octal>[0-7]{{1,3}})|(?P<letter>.))|(?P<plain>[^\\])",
         r"\\(?:(?P<decimal>\d{1,3})|(?P<letter>.))|(?P<plain>[^\\])",
         r"\\(?:(?P<hex>[0-9A-F]{2})|(?P<letter>[bfnrst\\]))|(?P<plain>[^\\\s])",
-        rf"<(?:(?P<control>{'|'.join(_CONTROLS)})|(?P<hex>{H}{{2}}))>|(?P<plain>[^<])",
+        rf"<(?:(?P<control>{'|'.join(CONTROLS)})|(?P<hex>{H}{{2}}))>|(?P<plain>[^<])",
         r"(?:(?P<high>M-\^[@-_?])|(?P<meta>M-[ -~])|\^(?P<caret>[@-_?])|(?P<plain>[ -~]))",
     )
 )
-_RUNS: Final = tuple(  # of them in a line, by a sign that it has
-    (sign, re.compile(pattern), escape, shape)
-    for sign, pattern, escape, shape in (
-        ("\\", r"(?:[^\\\s]*\\(?:[0-9A-F]{2}|[bfnrst\\])){3,}[^\\\s]*", _HEX_ESCAPE, "\\hex"),  # as LabVIEW writes them
-        ("<", rf"(?<!\S)\S{{0,300}}?<(?:{'|'.join(_CONTROLS)})>.*<(?:{'|'.join(_CONTROLS)}|{H}{{2}})>\S*", _CONTROL,
-         "<NUL>"),  # `<SOH><ETX><NUL>k<C5>`, as terminals show characters without a shape
-        ("^", r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*", _CARET, "^A"),  # `^A^C^@kM-^D^J`, of `cat -v`
-    )
-)  # fmt: skip
-OD_ROW, OD_BELOW = (re.compile(before + _CELLS) for before in ("^[0-9a-f]{7}", "^ {7}"))
+OD_BELOW: Final = re.compile(rf"^ {{7}}(?P<row>{OD_CELLS})\s*$")
 _WORD: Final = 300  # characters before an escape that may be bytes, too
 _TWO: Final = 2  # bytes in a string: a check value that somebody quotes
 
 
 def escaped_candidates(text: str) -> Iterator[HexWindow]:
-    """All runs of characters that can be bytes shown as characters."""
-    if "\\" in text:
-        yield from _strings(text)
-    if text[:1] == "0" and (match := OD_ROW.match(text)) is not None:
-        end = match.end("row")
-        yield HexWindow(od_bytes(match["row"]), end - len(match["row"].lstrip()), end, "od -c", Writing.NUMBER)
-    for sign, run, escape, shape in _RUNS:
-        for match in run.finditer(text) if sign in text else ():
-            data, start = unescape(match[0], escape), match.start()
-            yield HexWindow(data, start, match.end(), shape, Writing.NUMBER)
-            if sign == "^" and text[start - 1 : start] == " ":  # which may be a byte
-                yield HexWindow(b" " + data, start - 1, match.end(), shape, Writing.NUMBER)
-
-
-def _strings(text: str) -> Iterator[HexWindow]:
     r"""`'\x11\x03\x00k'`, `\021\003`, quoted or not, other characters as they are."""
+    if "\\" not in text:
+        return
     at = 0
     first: int | None = len(text) - len(text.lstrip())
     for start, end in (*_quoted(text), (len(text), len(text))):
@@ -143,7 +121,7 @@ _BYTES_OF: Final[dict[str, Callable[[str], bytes]]] = {
     "octal": lambda digits: bytes((int(digits, 8) & 0xFF,)),
     "decimal": lambda digits: bytes((int(digits) & 0xFF,)),
     "letter": lambda letter: _SIMPLE.get(letter) or _octets(letter),
-    "control": lambda name: bytes((_CONTROLS[name],)),
+    "control": lambda name: bytes((CONTROLS[name],)),
     "caret": lambda char: bytes((ord(char) ^ 0x40,)),
     "meta": lambda said: bytes((ord(said[2]) | 0x80,)),
     "high": lambda said: bytes((ord(said[3]) ^ 0x40 | 0x80,)),

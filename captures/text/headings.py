@@ -17,14 +17,17 @@ milliseconds where they rise, and not from line to line by one. Days, `46351.423
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 from .stamps import DAY_NS
 from .timeforms import SECOND_NS, UNIT_NS, Stamp
 from .tools import NONE, LineMark
+
+FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
+_PARTED: Final = ("\t", ";", ",", "|")  # signs between the cells of a table
 
 
 class Heading(NamedTuple):
@@ -43,6 +46,15 @@ class Heading(NamedTuple):
     parted: str = ""  # the sign between the cells of a table
     cells: tuple[int, ...] = ()  # the mark that each cell of its first line has
 
+    def takes(self, size: int) -> bool:
+        """Whether a row of so many bytes may go on with the read of the one before."""
+        return self.joins or FULL_ROW <= self.width >= size
+
+    def above(self, size: int) -> Heading:
+        """It above one row more, of so many bytes."""
+        left = None if self.left is None else self.left - size
+        return self._replace(rows=self.rows + 1, width=size, left=left)
+
     def mark_at(self, text: str, start: int) -> int:
         """The mark of what stands at a place of a row."""
         if not self.parted:
@@ -53,7 +65,7 @@ class Heading(NamedTuple):
 
 def marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[int, ...]]:
     """What parts the cells of a table's first line, and the mark of each; none where both stand in one."""
-    parted = next((sign for sign in ("\t", ";", ",", "|") if sign in text), "")
+    parted = next((sign for sign in _PARTED if sign in text), "")
     if not parted or len(line_marks) < 2:
         return "", ()
     cells: list[set[int]] = [set() for _ in range(text.count(parted) + 1)]
@@ -62,8 +74,7 @@ def marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[in
     return parted, tuple(cell.pop() if len(cell) == 1 else NONE for cell in cells)
 
 
-_PARTED: Final = ("\t", ";", ",", "|")
-_APART: Final = re.compile(r"\s{2,}")
+_APART: Final = {sign: re.compile(re.escape(sign) or r"\s{2,}") for sign in (*_PARTED, "")}
 _IN_UNIT: Final = (  # `[ms]`, `, мс`, `/us`, ` in seconds`
     rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(UNIT_NS, key=len, reverse=True))})[\])]?)?$"
 )
@@ -134,7 +145,7 @@ def time_column(text: str) -> TimeColumn | None:
     """The column that a line names as the time, where it is the first line of a table."""
     if len(text) > _LONGEST or not any(char.isalpha() for char in text):
         return None
-    for parted in (*_PARTED, ""):
+    for parted in _APART:
         cells = _cells(text, parted)
         if not _LEAST <= len(cells) <= _CELLS_MOST:
             continue
@@ -150,21 +161,13 @@ def time_column(text: str) -> TimeColumn | None:
 
 def _cells(text: str, parted: str) -> list[tuple[int, int]]:
     """Where the cells of a row begin and end."""
-    if parted and parted not in text:
+    begin, end = (0, len(text)) if parted else (len(text) - len(text.lstrip()), len(text.rstrip()))
+    gaps = [match.span() for match in _APART[parted].finditer(text, begin, end)]
+    if parted and not gaps:
         return []
-    cells, at = [], len(text) - len(text.lstrip()) if not parted else 0
-    if parted:
-        for cell in text.split(parted):
-            cells.append((at, at + len(cell)))
-            at += len(cell) + 1
-        return cells
-    for gap in _APART.finditer(text, at):
-        cells.append((at, gap.start()))
-        at = gap.end()
-    return [*cells, (at, len(text))] if at < len(text) else cells
+    return [*zip((begin, *(last for _, last in gaps)), (*(first for first, _ in gaps), end), strict=True)]
 
 
-_TIMES_MOST: Final = 4096  # times that are looked at
 _LINES_NS: Final = 2_000_000  # of numbers of lines, or of two together, read as milliseconds
 _FEWEST_STEPS: Final = 3  # that tell days from seconds
 _SOONEST_NS: Final = 80_000  # of rows in seconds: a byte at 115200 bit/s takes longer
@@ -197,65 +200,48 @@ class ClockHabits(NamedTuple):
             yield "numbers before line marks are read as milliseconds"
 
 
-@dataclass(slots=True)
-class Fractions:
-    """The times of a text's beginning, as far as their fractions tell how they were written."""
+def habits_of(stamps: Iterable[Stamp]) -> ClockHabits:
+    """What the times of a text's beginning, in their order, tell."""
+    stamps = list(stamps)
+    return ClockHabits(
+        _width([stamp for stamp in stamps if stamp.places]),
+        any(step < 0 for step in _steps(stamp.t_ns for stamp in stamps if stamp.signed)),
+        _are_days([stamp.t_ns for stamp in stamps if stamp.unnamed and not stamp.counter]),
+        _are_milliseconds(_steps(stamp.t_ns for stamp in stamps if stamp.counter)),
+        any(stamp.counter and stamp.unnamed for stamp in stamps),
+    )
 
-    _stamps: list[Stamp] = field(default_factory=list)
-    _signed: list[int] = field(default_factory=list)
-    _counters: list[int] = field(default_factory=list)
-    _unnamed: list[int] = field(default_factory=list)
-    _guessed: bool = False  # of a number before a mark nothing says the unit
 
-    @property
-    def habits(self) -> ClockHabits:
-        """What they tell."""
-        return ClockHabits(self._width, self._steps, self._days, self._are_counters, self._guessed)
+def _steps(times: Iterable[int]) -> list[int]:
+    return [later - earlier for earlier, later in pairwise(times)]
 
-    def note(self, stamp: Stamp) -> None:
-        """One more time."""
-        if stamp.places and len(self._stamps) < _TIMES_MOST:
-            self._stamps.append(stamp)
-        self._guessed = self._guessed or (stamp.counter and stamp.unnamed)
-        for times, wanted in (
-            (self._signed, stamp.signed),
-            (self._counters, stamp.counter),
-            (self._unnamed, stamp.unnamed and not stamp.counter),
-        ):
-            if wanted and len(times) < _TIMES_MOST:
-                times.append(stamp.t_ns)
 
-    @property
-    def _steps(self) -> bool:
-        """Whether times with a plus are steps from the one above."""
-        return any(later < earlier for earlier, later in pairwise(self._signed))
+def _are_milliseconds(steps: Sequence[int]) -> bool:
+    """Whether numbers before a mark, so far from one another, are no numbers of lines."""
+    return bool(steps) and min(steps) >= 0 and sorted(steps)[len(steps) // 2] > _LINES_NS
 
-    @property
-    def _are_counters(self) -> bool:
-        """Whether numbers before a mark are milliseconds."""
-        steps = [later - earlier for earlier, later in pairwise(self._counters)]
-        return bool(steps) and min(steps) >= 0 and sorted(steps)[len(steps) // 2] > _LINES_NS
 
-    @property
-    def _days(self) -> bool:
-        """Whether seconds are days."""
-        steps = sorted(later - earlier for earlier, later in pairwise(self._unnamed) if later != earlier)
-        if len(steps) < _FEWEST_STEPS or steps[0] < 0:
-            return False
-        if all(t_ns // SECOND_NS in _DAYS for t_ns in self._unnamed):
-            return steps[len(steps) // 2] < _SOONEST_NS
-        return steps[len(steps) // 2] < _SOONEST_BARE_NS and self._unnamed[-1] < SECOND_NS
+def _are_days(times: Sequence[int]) -> bool:
+    """Whether seconds are days."""
+    steps = sorted(filter(None, _steps(times)))
+    if len(steps) < _FEWEST_STEPS or steps[0] < 0:
+        return False
+    if all(t_ns // SECOND_NS in _DAYS for t_ns in times):
+        return steps[len(steps) // 2] < _SOONEST_NS
+    return steps[len(steps) // 2] < _SOONEST_BARE_NS and times[-1] < SECOND_NS
 
-    @property
-    def _width(self) -> int:
-        """How many digits the fractions stand for, where leading zeros are missing; 0 where nothing says so."""
-        places = {stamp.places for stamp in self._stamps}
-        if len(places) < 2 or max(places) > max(_UNITS_OF):
-            return 0
-        width = next(width for width in _UNITS_OF if width >= max(places))
-        if not _runs_back([stamp.t_ns for stamp in self._stamps]):
-            return 0
-        return 0 if _runs_back([counted(stamp, width) for stamp in self._stamps]) else width
+
+def _width(stamps: Sequence[Stamp]) -> int:
+    """How many digits the fractions stand for, where leading zeros are missing; 0 where nothing says so."""
+    places = {stamp.places for stamp in stamps}
+    if len(places) < 2 or max(places) > max(_UNITS_OF):
+        return 0
+    width = next(width for width in _UNITS_OF if width >= max(places))
+    runs_back = [
+        any(-SECOND_NS < step < 0 for step in _steps(counted(stamp, digits) for stamp in stamps))
+        for digits in (0, width)
+    ]
+    return width if runs_back == [True, False] else 0
 
 
 def of_days(t_ns: int) -> int:
@@ -271,8 +257,3 @@ def counted(stamp: Stamp, width: int) -> int:
     seconds, fraction = divmod(stamp.t_ns, SECOND_NS)
     count = fraction * int(10**stamp.places) // SECOND_NS
     return seconds * SECOND_NS + count * int(10 ** (9 - width))
-
-
-def _runs_back(times: list[int]) -> bool:
-    """Whether a time is before the one above it, by less than a second."""
-    return any(0 < earlier - later < SECOND_NS for earlier, later in pairwise(times))

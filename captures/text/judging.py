@@ -5,8 +5,10 @@ Without one the writing alone decides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
 from functools import lru_cache, partial
+from itertools import accumulate, groupby
 from typing import Final, Protocol, cast
 
 from ..checked import Checked
@@ -46,3 +48,37 @@ def unturned(judge: ByteJudge) -> ByteJudge:
 def lenient(judge: ByteJudge) -> ByteJudge:
     """A judge of a text in which no check value is right."""
     return cast(ByteJudge, partial(judge, damaged=True))
+
+
+# Frames over several parts: cells of a column, reads in pieces.
+
+_REACH: Final = 520  # bytes that are looked at together
+_LOOKED_AT: Final = 20  # bytes at whose beginnings a judge looks for a frame
+_LEAST: Final = 4  # bytes that can hold a check value
+FrameOver = tuple[Checked, int, int]  # with the first part that it is in, and the first behind it
+
+
+def frames_over(parts: Sequence[bytes], judge: ByteJudge) -> Iterator[FrameOver]:
+    """Frames that are parts [first, end) together; an empty part is in none."""
+    at = 0
+    for filled, group in groupby(parts, bool):
+        stretch = list(group)
+        for span, first, end in _frames_in(stretch, judge) if filled else ():
+            yield span, at + first, at + end
+        at += len(stretch)
+
+
+def _frames_in(parts: Sequence[bytes], judge: ByteJudge) -> Iterator[FrameOver]:
+    """The same of parts none of which is empty."""
+    data, edges = b"".join(parts), [*accumulate(map(len, parts), initial=0)]
+    at = 0
+    while len(data) - edges[at] >= _LEAST:
+        begin, last = edges[at], max(bisect_right(edges, edges[at] + _REACH) - 1, at + 1)
+        right = begin
+        for span in judge(data[begin : min(edges[last], begin + _REACH)]):
+            first, end = (bisect_left(edges, begin + place) for place in (span.start, span.end))
+            if (edges[first], edges[end]) == (begin + span.start, begin + span.end):
+                yield span, first, end
+                right = edges[end]
+        next_ = bisect_left(edges, right if right > begin else begin + _LOOKED_AT)
+        at = max(at + 1, min(next_, last))

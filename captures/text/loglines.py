@@ -11,23 +11,28 @@ dump, the midnight that a log of times of day passed.
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from datetime import tzinfo
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from captures.text import stamps
 
 from .candidates import Writing, halves, is_ruler, line_of
-from .choosing import ByteRun, Experience, label_in, runs_in, with_marks
+from .choosing import label_in, runs_in, with_marks
 from .dumps import Dump
 from .escapes import unescape
-from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, of_days, time_column
+from .headings import FULL_ROW, Heading, TimeColumn, counted, marks_of_cells, of_days, time_column
 from .judging import ByteJudge, no_judge
 from .plain import plain, quoted
+from .runs import ByteRun, Experience, is_whole
 from .timeforms import Stamp
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
+
+if TYPE_CHECKING:
+    from .tokens import NumberToken
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
@@ -42,9 +47,7 @@ _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .
 _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
-_SCREEN: Final = 512  # lines that a person copies twice
-_DATED_NS: Final = 10**18  # no time since some start
-_FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
+_STAMPS: Final = 4096  # times that are looked at
 _CODE_SPAN: Final = re.compile(  # Markdown's marks about a part of a frame, as of its check value
     r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})"
 )
@@ -70,13 +73,29 @@ class LogLine:
     quiet: bool = False
     problem: str | None = None
     stamped: bool = False
+    numbers: tuple[NumberToken, ...] | None = None  # what of it may be a byte in a column, once somebody asked
 
     @property
     def is_known(self) -> bool:
         """Whether it is known for what it is: a line without bytes, or a row of a dump behind its offset."""
         if not self.runs:
             return self.quiet
-        return self.runs[0].offset is not None and len(self.runs[0].data) >= _FULL_ROW
+        return self.runs[0].offset is not None and len(self.runs[0].data) >= FULL_ROW
+
+    def is_all(self, run: ByteRun) -> bool:
+        """Whether a run of it is all that it has of words and numbers."""
+        return not any(map(str.isalnum, self.clean[: run.start] + self.clean[run.end :]))
+
+    def begins_with(self, run: ByteRun) -> bool:
+        """Whether no word is before a run of it."""
+        return run.offset is not None or not any(map(str.isalnum, self.clean[: run.start]))
+
+    def ends_with(self, run: ByteRun) -> bool:
+        """Whether no word is behind a run of it."""
+        return run.offset is not None or not any(map(str.isalnum, self.clean[run.end :]))
+
+
+LineMemory = dict[str, tuple[int, list[LineMark], list[ByteRun]]]  # what was met, and how much was learnt then
 
 
 @dataclass(slots=True)
@@ -91,7 +110,7 @@ class LineReader:
     sample_rate: float | None = None
     experience: Experience = field(default_factory=Experience)
     zoneless: bool = False  # a date without a zone was met
-    fractions: Fractions = field(default_factory=Fractions)
+    stamps: deque[Stamp] = field(default_factory=lambda: deque(maxlen=_STAMPS))
     _heading: Heading | None = None
     _dump: Dump = field(default_factory=Dump)
     _times: TimeColumn | None = None  # of the table that is being read
@@ -99,30 +118,17 @@ class LineReader:
     _elapsed_ns: int = 0  # by steps
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
-    _memory: dict[str, tuple[int, list[LineMark], list[ByteRun]]] = field(default_factory=dict)
+    memory: LineMemory = field(default_factory=dict)
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
-    _clock: int | None = None  # the newest time to the millisecond that no other line can have again
-    _screen: dict[str, tuple[int, int]] = field(default_factory=dict)  # the last lines with bytes and such a time
 
     def read(self, line: str, number: int) -> LogLine:
         """What a line holds. Never raises."""
         if len(line) > _BARE_LEAST and _BARE_HEX.fullmatch(line) and (bare := self._bare(line, number)) is not None:
             return bare
-        if (above := self._screen.get(line)) is not None and above[1] != self._clock:  # who copies a screen twice
-            self._clock = above[1]
-            return LogLine(number, line, problem=f"the same bytes as in line {above[0]}")
         text = plain(line)
         if not text.strip(" \t`~"):
             return LogLine(number, line, quiet=True)
-        clock, self._clock = self._clock, None
-        parsed = self._below_header(text, number) or self._tool_line(text, number) or self._any_line(text, number)
-        if self._clock is None:
-            self._clock = clock
-        elif parsed.runs:
-            self._screen[line] = number, self._clock
-            if len(self._screen) > _SCREEN:
-                del self._screen[next(iter(self._screen))]
-        return parsed
+        return self._below_header(text, number) or self._tool_line(text, number) or self._any_line(text, number)
 
     def runs_of(self, text: str) -> list[ByteRun]:
         """The runs of a line by itself."""
@@ -263,23 +269,23 @@ class LineReader:
             stamp, rest = stamps.find(text, self.zone)
             if stamp is None or not stamp.counter or self.experience.habits.counters:
                 return stamp, rest
-            self.fractions.note(stamp)
+            self.stamps.append(stamp)
             return None, text
         return in_column[0], stamps.find(in_column[1], self.zone)[1]
 
     def _searched(self, text: str) -> tuple[list[LineMark], list[ByteRun]]:
         """Marks and runs of a text without its times; logs repeat themselves, so what was met is remembered."""
-        learnt = len(self.experience.right)
-        remembered = self._memory.get(text)
-        if remembered is None or remembered[0] != learnt:
+        learnt = self.experience.taught
+        remembered = self.memory.get(text)
+        if remembered is None or (remembered[0] != learnt and not all(map(_is_settled, remembered[2]))):
             line_marks = marks(text)
             runs = runs_in(line_of(text, (mark.end for mark in line_marks)), self.judge, self.experience)
             with_marks(text, runs, line_marks)
             if len(text) > _BARE_LEAST:
                 return line_marks, runs
-            if len(self._memory) >= _REMEMBERED:
-                self._memory.clear()
-            remembered = self._memory[text] = learnt, line_marks, runs
+            if len(self.memory) >= _REMEMBERED:
+                self.memory.clear()
+            remembered = self.memory[text] = learnt, line_marks, runs
         return remembered[1], [copy(run) for run in remembered[2]]
 
     def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
@@ -303,34 +309,23 @@ class LineReader:
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
         first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
-        goes_on = self._dump.goes_on(first, line.t_ns)
+        line.continues = self._dump.goes_on(first, line.t_ns)
         heading = self._heading
-        before = line.clean[: first.start]
-        if first.offset is not None:
-            before = before[: before.rfind(first.offset)].removesuffix("0x")
-        worded = mark or any(map(str.isalpha, before.removesuffix("b'").removesuffix('b"')))
-        if heading is None or worded:
+        if heading is None or mark or _is_worded(line, first):
             if heading is not None and line.t_ns is None and not heading.rows:
                 line.t_ns, line.fine = heading.t_ns, heading.fine
             if first.level or first.checked:
                 self._heading = None
-            line.continues = goes_on
             return line
         for run in line.runs:
             run.mark = run.mark or heading.mark_at(line.text, run.start)
             if not run.label:
                 run.heading = heading.label or " "
-        if stamp is not None:
-            line.continues = goes_on
-            return line
-        size = len(first.data)
-        if heading.rows:
-            joins = heading.joins or (heading.width >= _FULL_ROW and size <= heading.width)
-            line.continues = goes_on or (joins and first.offset is None)
-        left = None if heading.left is None else heading.left - size
-        self._heading = heading._replace(rows=heading.rows + 1, width=size, left=left)
-        line.port = heading.port
-        line.t_ns, line.fine = heading.t_ns, heading.fine
+        if stamp is None:
+            goes_on = heading.takes(len(first.data)) and first.offset is None
+            line.continues = heading.rows > 0 and (line.continues or goes_on)
+            line.port, line.t_ns, line.fine = heading.port, heading.t_ns, heading.fine
+            self._heading = heading.above(len(first.data))
         return line
 
     def _time(self, stamp: Stamp | None) -> int | None:
@@ -338,10 +333,8 @@ class LineReader:
         return None if stamp is None else stamps.in_range(self._counted_on(stamp))
 
     def _counted_on(self, stamp: Stamp) -> int:
-        self.fractions.note(stamp)
+        self.stamps.append(stamp)
         t_ns = counted(stamp, self.experience.habits.width)
-        if stamp.fine and (stamp.of_day or t_ns > _DATED_NS) and not (stamp.signed or stamp.counter):
-            self._clock = t_ns
         if stamp.unnamed and self.experience.habits.days:
             t_ns = of_days(t_ns)
         if stamp.signed and self.experience.habits.steps:
@@ -353,6 +346,19 @@ class LineReader:
             self._days += 1
         self._newest = t_ns
         return t_ns + self._days * stamps.DAY_NS
+
+
+def _is_worded(line: LogLine, run: ByteRun) -> bool:
+    """Whether words stand before a run; the sign of Python's bytes is none."""
+    before = line.clean[: run.start]
+    if run.offset is not None:
+        before = before[: before.rfind(run.offset)].removesuffix("0x")
+    return any(map(str.isalpha, before.removesuffix("b'").removesuffix('b"')))
+
+
+def _is_settled(run: ByteRun) -> bool:
+    """Whether nothing that is learnt later reads it otherwise."""
+    return is_whole(run) and not run.rivals
 
 
 def _are_rulers(line: LogLine) -> bool:

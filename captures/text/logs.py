@@ -16,26 +16,27 @@ from itertools import islice
 from typing import Final
 
 from .candidates import Writing, halves, is_named_otherwise
-from .choosing import MOST_JUDGED, ByteRun, Experience
-from .entries import entries_of, payload_of, whole_entries, whole_words, with_repeats
+from .choosing import MOST_JUDGED
+from .dumps import payload_of, with_repeats
+from .entries import ITEM, LETTER, OBJECT, NumberedLine, joined_lines, parts_of
+from .headings import habits_of
 from .judging import ByteJudge, lenient, no_judge, remembered
-from .loglines import LineReader, LogLine
-from .plain import entries_in, is_of_mail, quoted, turns_in, unfolded, unquoted, unwrapped
+from .loglines import LineMemory, LineReader, LogLine
+from .plain import quoted
+from .runs import FLOORS, ByteRun, Experience
 from .settling import only_bytes, settle
 from .wraps import Unwrapper
 
 LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex bytes"
 _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
-# What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
-_STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
 _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
+_SETTLED: Final = (*FLOORS[:2], FLOORS[-1])  # where a text is settled even if nothing looks better
 _CRC: Final = 2  # bytes
 _WORDS: Final = (None, 1)  # that are looked at: between bytes, behind the last
 _TYPED: Final = 3  # characters of a byte with one too many
-_ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
 _NUMBERS: Final = re.compile(r"(?:0|[1-9]\d*)(?:[ \t,;/:-]+(?:0|[1-9]\d*))*")  # as people write them
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
@@ -92,6 +93,7 @@ class LogReader:
     ) -> None:
         self._judge, self._zone, self._sample_rate = remembered(judge), zone, sample_rate
         self._experience = Experience() if experience is None else experience
+        self._memory: LineMemory = {}
         self._lines = self._line_reader()
         self._waiting: list[LogLine] = []
 
@@ -133,23 +135,22 @@ class LogReader:
     def _learnt(self, beginning: Sequence[str], experience: Experience) -> list[LogLine]:
         """The beginning of a text, settled."""
         self._experience = experience
+        self._memory = {}
         reader = self._line_reader()
-        experience.mail = any(is_of_mail(line) for line in beginning)
         read = self._parts(reader, beginning)
-        experience.habits = reader.fractions.habits
+        experience.habits = habits_of(reader.stamps)
         if any(experience.habits[:-1]):
             reader = self._line_reader()
             read = self._parts(reader, beginning)
         for run in (run for line in read for run in line.runs):
             experience.note(run)
-        for experience.threshold, experience.decimals in _STANDARDS[only_bytes(read) :]:
-            experience.other = self._settle_all(read)
+        for experience.floor in FLOORS[only_bytes(read) :]:  # lower as far as a text has nothing plainer
+            if experience.floor in _SETTLED or any(run.looks > experience.floor for line in read for run in line.runs):
+                experience.other = self._settle_all(read)
             if experience.other:
                 break
         else:
-            experience.threshold, experience.decimals = _STANDARDS[0]
-            experience.meanings = True
-            experience.meanings = experience.other = self._settle_all(read)
+            experience.floor = FLOORS[0]
         self._lines = self._line_reader()
         self._lines.zoneless = reader.zoneless
         return read
@@ -163,7 +164,7 @@ class LogReader:
         whole = self._whole(enumerate(beginning, 1), reader)
         return [part for number, line in whole for part in _read(reader, line, number)]
 
-    def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
+    def feed(self, lines: Iterable[NumberedLine]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
         for number, line in self._whole(lines, self._lines):
             for part in _read(self._lines, line, number):
@@ -177,12 +178,14 @@ class LogReader:
         """No more lines come; gives the rest."""
         yield from self._settled(len(self._waiting))
 
-    def _whole(self, lines: Iterable[tuple[int, str]], reader: LineReader) -> Iterator[tuple[int, str]]:
-        bare = unquoted(unfolded(lines) if self._experience.mail else lines)
-        return with_repeats(_parted(whole_entries(Unwrapper(reader.runs_of).lines(unwrapped(whole_words(bare))))))
+    def _whole(self, lines: Iterable[NumberedLine], reader: LineReader) -> Iterator[NumberedLine]:
+        """The lines, each as the one entry that it is of, or that it has."""
+        unwrapped = Unwrapper(reader.runs_of).lines(joined_lines(lines, LETTER))
+        entries = joined_lines(joined_lines(unwrapped, OBJECT), ITEM)
+        return with_repeats((number, part) for number, line in entries for part in parts_of(line))
 
     def _line_reader(self) -> LineReader:
-        return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)
+        return LineReader(self._settler(), self._zone, self._sample_rate, self._experience, memory=self._memory)
 
     def _settler(self) -> ByteJudge:
         return lenient(self._judge) if self._experience.damaged else self._judge
@@ -201,15 +204,6 @@ def read_lines(
     reader = LogReader(judge, zone, sample_rate)
     reader.learn(lines)
     return [*reader.feed(enumerate(lines, 1)), *reader.close()]
-
-
-def _parted(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines, with log entries apart that stand in one, or whose line breaks were lost, as blanks or altogether."""
-    for number, line in ((number, entry) for number, whole in lines for entry in entries_of(whole)):
-        several = _ENTRIES[0] < len(line) <= _MOST and len(entries := list(entries_in(line))) >= _ENTRIES[1]
-        for entry in entries if several else (line,):
-            for turn in turns_in(entry) if len(entry) <= _MOST else (entry,):
-                yield number, turn
 
 
 def _beginning(lines: Iterable[str]) -> Iterator[str]:

@@ -1,15 +1,14 @@
-"""Lines as they were before a terminal, a chat, a letter or a window got them: no colours, markup, `>` or wraps."""
+"""Lines as they were before a terminal, a chat or a forum got them: no colours and no markup."""
 
 from __future__ import annotations
 
 import html
 import re
-from collections.abc import Callable, Iterable, Iterator
-from itertools import chain, groupby, islice, pairwise
-from operator import or_
+from collections.abc import Callable
+from functools import lru_cache
 from typing import Final, NamedTuple
 
-from .candidates import LOOK_ALIKE, TYPED, H
+from .candidates import LOOK_ALIKE, TYPED
 
 _OTHER_DIGIT: Final = re.compile(r"(?![0-9])\d")  # of another script
 _ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
@@ -35,7 +34,7 @@ _PRINTABLE: Final = re.compile(  # of a mail: the sign itself, and blanks at an 
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 
 
-NumberedLine = tuple[int, str]
+_REMEMBERED: Final = 4096  # characters of a line
 
 
 class _Rewrite(NamedTuple):
@@ -81,6 +80,11 @@ _REWRITES: Final = _rewrites(
 
 def plain(line: str) -> str:
     """A line without colours, markup and typographic signs."""
+    return _plain(line) if len(line) <= _REMEMBERED else _plain.__wrapped__(line)
+
+
+@lru_cache(maxsize=2048)  # a text's beginning is read again, once it is known what it is like
+def _plain(line: str) -> str:
     text = line.rstrip("\r\n")
     if "\x1b" in text:
         text = _ANSI.sub("", text)
@@ -105,131 +109,7 @@ def _rewritten(text: str, rows: tuple[_Rewrite, ...]) -> str:
     return text
 
 
-def is_of_mail(line: str) -> bool:
-    """Whether a line is quoted-printable, as mails are sent."""
-    return "=" in line and _PRINTABLE.search(line) is not None
-
-
 def quoted(text: str) -> str:
     """A line as a message quotes it."""
     text = text.strip()
     return repr(text if len(text) <= 60 else text[:57] + "...")
-
-
-_SIGN: Final = re.compile(r"[ \t]{0,3}>(?=[ \t>]|$)[ \t]?")
-_WORD: Final = re.compile(r"(?<![\w\\])(?=\w*[g-zG-Z\u0400-\u04ff])[A-Za-z\u0400-\u04ff]\w+|[{}]")
-_LEAST: Final = 3  # lines
-_MOST: Final = 256  # lines of a letter that are looked at
-
-
-def unquoted(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
-    """Lines with their numbers, those that stand together behind such signs without them, however deep.
-
-    Bytes alone behind `>` are what somebody sent; where there are words as well, and no line with another sign, they
-    are quoted.
-    """
-    for signed, same in groupby(lines, lambda line: _SIGN.match(line[1]) is not None):
-        held = list(islice(same, _MOST)) if signed else []
-        quoting = len(held) >= _LEAST and any(_WORD.search(_bare(line)) for _, line in held)
-        for number, line in chain(held, same):
-            yield number, _bare(line) if quoting else line
-
-
-def _bare(line: str) -> str:
-    while (sign := _SIGN.match(line)) is not None:
-        line = line[sign.end() :]
-    return line
-
-
-ENTRY: Final = re.compile(  # how one begins
-    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
-    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )"
-)
-_TURN: Final = re.compile(  # how one begins that has its time, wherever it stands
-    r"(?:[\[(]|(?<![\w:./-]))(?:(?:\d{4}[-/.]\d\d[-/.]\d\d|\d\d[-/.]\d\d[-/.]\d{4})[ T]{1,2})?"
-    r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)"
-)
-_TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
-_NO_SIGN_OF_CELLS: Final = re.compile(r"[^;\t|]")
-_SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
-_MOST_FOLDED: Final = 64  # lines into one
-_STAMP: Final = re.compile(r"[\s\[(<|]*\d{1,4}[-/.:]\d\d?[-/.:]\d\d?")
-_DATE: Final = re.compile(r"\d[-/.]\d\d$")
-_WRAPPED: Final = range(40, 141)  # columns at which texts are broken
-_LEAST_WRAPPED: Final = 3  # lines, and entries in them
-_FEWEST: Final = 2  # lines that go on with another
-_SLACK: Final = 4  # blanks that a break may take
-_MOST_WRAPPED: Final = 256  # lines of one paragraph
-
-
-def unwrapped(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
-    """Lines, with the entries of a log whole that a mail has broken where its width ends."""
-    for fits, same in groupby(lines, lambda line: bool(line[1].strip()) and len(line[1]) <= _WRAPPED[-1]):
-        while held := list(islice(same, _MOST_WRAPPED)):
-            yield from _paragraph(held) if fits else held
-
-
-def _paragraph(held: list[NumberedLine]) -> list[NumberedLine]:
-    """Lines that stand together; where each that begins no entry is behind one that had no room for its first word."""
-    texts = [line.rstrip() for _, line in held]
-    if all(text.startswith(">") for text in texts):
-        texts = [text.lstrip("> \t") for text in texts]
-    width = max(map(len, texts))
-    if len(held) < _LEAST_WRAPPED or ENTRY.match(texts[0]) is None or width not in _WRAPPED:
-        return held
-    begins = [True, *(_begins(text, above) for above, text in pairwise(texts))]
-    broken = [len(line) + _SLACK + len(below.split(" ")[0]) > width for line, below in pairwise(texts)]
-    if begins.count(False) < _FEWEST or not all(map(or_, begins[1:], broken)):
-        return held
-    column = {len(above) for above, begin in zip(texts, begins[1:], strict=False) if not begin} == {width}
-    if column or len(list(ENTRY.finditer(" ".join(texts)))) < _LEAST_WRAPPED:
-        return held  # broken at a column, within words as well: see `wraps`
-    firsts = [i for i, begin in enumerate(begins) if begin]
-    return [
-        (held[first][0], entry)
-        for first, end in pairwise([*firsts, len(held)])
-        for entry in entries_in(" ".join(texts[first:end]))
-    ]
-
-
-def _begins(text: str, above: str) -> bool:
-    """Whether a line begins an entry: as those of known logs do, or with a time whose date is not in the line above."""
-    if ENTRY.match(text) is not None:
-        return True
-    return _STAMP.match(text) is not None and _DATE.search(above) is None
-
-
-def entries_in(line: str) -> Iterator[str]:
-    """The entries of a log that stand in one line."""
-    heads = [head.start() for head in ENTRY.finditer(line)]
-    for start, end in pairwise((0, *heads[heads[:1] == [0] :], len(line))):
-        yield line[start:end]
-
-
-def turns_in(line: str) -> list[str]:
-    """The parts of a line in which several have spoken: a time and bytes behind it in each, in its cell of a table."""
-    if line.count(":") < _SIGNS_OF_CLOCKS:
-        return [line]
-    heads = [head.start() for head in _TURN.finditer(line)]
-    ends = [*pairwise((0, *heads[1:], len(line)))]
-    if len(ends) < 2 or not all(_TURN_BYTES.search(line, *end) for end in ends):
-        return [line]
-    turns, signs = [], ""
-    for start, end in ends:
-        turns.append(signs + line[start:end])
-        signs += _NO_SIGN_OF_CELLS.sub("", line[start:end])
-    return turns
-
-
-def unfolded(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
-    """Lines, with those whole that a mail's `=` at their end says to go on in the next."""
-    held: list[NumberedLine] = []
-    for number, line in lines:
-        text = line.rstrip("\r\n")
-        goes_on = text.endswith("=") and len(held) < _MOST_FOLDED
-        held.append((number, text[:-1] if goes_on else text))
-        if not goes_on:
-            yield held[0][0], "".join(text for _, text in held)
-            held = []
-    if held:
-        yield held[0][0], "".join(text for _, text in held)

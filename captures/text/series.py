@@ -13,13 +13,12 @@ from typing import Final, NamedTuple
 
 from ..checked import Checked
 from .candidates import HexWindow
-from .choosing import ByteRun, Experience
-from .judging import ByteJudge
+from .judging import ByteJudge, frames_over
 from .loglines import LogLine
-from .seams import frames_over
+from .runs import ByteRun, Experience
 from .weighing import is_computed
 
-_PATIENCE: Final = 600  # pieces in vain
+_PIECES: Final = "pieces"  # a search that has its patience
 _LONGEST: Final = 260  # bytes of one
 _PIECE: Final = 2  # bytes that pieces have at least, on average: a byte a line is a column
 _LEAST: Final = 4  # bytes that can hold a check value
@@ -37,7 +36,7 @@ class _SeriesPiece(NamedTuple):
 
 def settle_series(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Take the runs of these lines that are frames together with their neighbours behind the same words."""
-    if experience.pieces_in_vain > _PATIENCE:
+    if experience.patience.ends(_PIECES):
         return
     series = [pieces for pieces in _series(lines).values() if _may_be_frames(pieces)]
     found = [edge for pieces in series for edge in _edges(pieces, judge)]
@@ -45,13 +44,18 @@ def settle_series(lines: Sequence[LogLine], judge: ByteJudge, experience: Experi
     for span, edge in found:
         if any(piece.run.joined for piece in edge):
             continue
-        experience.frames += 1
-        for run, reading in edge:
-            run.take(reading)
-            run.taken = True
-            experience.support(run, span)
+        _take(edge, span, experience)
+    experience.patience.spend(_PIECES, sum(map(len, series)), found=bool(found))
+
+
+def _take(edge: Sequence[_SeriesPiece], span: Checked, experience: Experience) -> None:
+    """Note a frame of which runs are parts, each read in its way."""
+    experience.frames += 1
+    for run, reading in edge:
+        if not run.taken or reading is not run:
+            run.accept(reading)
             experience.confirm(run)
-    experience.pieces_in_vain = 0 if found else experience.pieces_in_vain + sum(map(len, series))
+        experience.support(run, span)
 
 
 def _may_be_frames(pieces: Sequence[_SeriesPiece]) -> bool:
@@ -94,47 +98,29 @@ def settle_tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experie
     for line in lines:
         if line.number - since > _TAIL_LINES:
             open_runs = []
-        alike = line.runs if len(line.runs) == 1 else sorted(line.runs, key=lambda run: run.shape != shape)
-        for run in alike:
+        for run in line.runs if len(line.runs) == 1 else sorted(line.runs, key=lambda run: run.shape != shape):
+            begun = open_runs if run.taken or not is_computed(run, line) else []
+            if run.checked or _completes(run, begun, judge, experience):
+                open_runs = [] if run.taken else open_runs
+            elif run.taken:
+                open_runs = [*open_runs[1 - _TAIL_RUNS :], run]
             if run.taken:
-                whole = bool(run.checked) or _ends_together(open_runs, run, judge, experience)
-                open_runs = [] if whole else [*open_runs[1 - _TAIL_RUNS :], run]
                 since, shape = line.number, run.shape
-            elif open_runs and not is_computed(run, line) and _completes(run, open_runs, judge, experience):
-                experience.tails.add((run.label, run.shape))
-                experience.confirm(run)
-                open_runs = []
-
-
-def _ends_together(open_runs: Sequence[ByteRun], run: ByteRun, judge: ByteJudge, experience: Experience) -> bool:
-    """Whether a frame ends with a run that begins in one before it; all that it is of are noted as its parts."""
-    if not open_runs:
-        return False
-    starts = [0, *accumulate(len(one.data[-_TAIL:]) for one in open_runs)]
-    joint = b"".join(one.data[-_TAIL:] for one in open_runs) + run.data
-    span = next((span for span in judge(joint) if span.end == len(joint)), None)
-    if span is None:
-        return False
-    experience.frames += 1
-    for one, end in zip((*open_runs, run), (*starts[1:], len(joint)), strict=True):
-        if span.start < end:
-            experience.support(one, span)
-    return True
 
 
 def _completes(run: ByteRun, open_runs: Sequence[ByteRun], judge: ByteJudge, experience: Experience) -> bool:
     """Whether a frame begins in one of the open runs and ends with this one, which then is taken."""
-    candidates: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
-    for turned, reading in product((False, True), candidates):  # a number has its high byte first
-        for i in range(len(open_runs)):
-            joint = b"".join(one.data[-_TAIL:] for one in open_runs[i:]) + reading.data
-            begins = len(joint) - len(reading.data)
-            if any(span.start < begins and span.end == len(joint) and span.turned == turned for span in judge(joint)):
-                if isinstance(reading, HexWindow):
-                    run.take(reading)
-                run.taken = True
-                experience.frames += 1
-                for one in (*open_runs[i:], run):
-                    one.joined, one.echoed = experience.frames, True
+    readings: list[ByteRun | HexWindow] = [*run.readings().values()] if run.taken else [run, *run.others]
+    begins_in = range(len(open_runs))[: 1 if run.taken else None]
+    for turned, reading, i in product((False, True), readings, begins_in):  # a number has its high byte first
+        parts = [one.data[-_TAIL:] for one in open_runs[i:]] + [reading.data]
+        joint, begins = b"".join(parts), sum(map(len, parts[:-1]))
+        for span in judge(joint):
+            if span.start < begins and span.end == len(joint) and span.turned == turned:
+                if not run.taken or reading is not run:
+                    experience.tails = experience.of(run.label, reading.shape).tail = True
+                pieces = [*(_SeriesPiece(one, one) for one in open_runs[i:]), _SeriesPiece(run, reading)]
+                ends = accumulate(map(len, parts))
+                _take([one for one, end in zip(pieces, ends, strict=True) if span.start < end], span, experience)
                 return True
     return False

@@ -57,6 +57,11 @@ def find(text: str, zone: tzinfo | None = UTC) -> Found:
     if len(text) > _LONG:
         stamp, head = find(text[:_HEAD], zone)
         return stamp, head + text[_HEAD:]
+    return _find(text, zone)
+
+
+@lru_cache(maxsize=2048)  # a text's beginning is read again, once it is known what it is like
+def _find(text: str, zone: tzinfo | None) -> Found:
     if DIGIT.search(text) is None:
         return None, text
     stamp, text = _count(text)

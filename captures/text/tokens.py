@@ -27,19 +27,23 @@ _NUMBER: Final = re.compile(  # with the character that it is: 'k', (k), (^A), (
 
 
 _BITS: Final = re.compile(r"[01]{8}")
+_WIDEST: Final = 4  # characters of a byte in decimal
+_NO_BYTE: Final = 1000
 
 
 class NumberToken(NamedTuple):
     """A number of one byte, or of several in hex; `signed` where a sign before it says that it is hex.
 
-    `octet`: Python's `b'k'`, which says what byte it is.
+    `hexadecimal` and `decimal` are the bytes that it is in hex and in decimal, none where it cannot be.
     """
 
     start: int
     end: int
     digits: str
     signed: bool
-    octet: bytes | None = None
+    hexadecimal: bytes
+    decimal: bytes = b""
+    octet: bool = False  # Python's `b'k'`
 
     @property
     def is_name(self) -> bool:
@@ -51,25 +55,25 @@ class NumberToken(NamedTuple):
         """`00010001`: a byte in binary."""
         return _BITS.fullmatch(self.digits) is not None
 
-    @property
-    def hexadecimal(self) -> bytes:
-        """The bytes that it is in hex; none where it cannot be."""
-        digits = self.digits
-        if self.octet is not None:
-            return self.octet
-        return b"" if digits[0] == "-" or len(digits) == 3 else bytes.fromhex("0" * (len(digits) % 2) + digits)
-
-    @property
-    def decimal(self) -> bytes:
-        """The byte that it is in decimal; none where it cannot be."""
-        number = self.digits.removeprefix("-").isdigit() and not self.signed
-        return bytes((int(self.digits) & 0xFF,)) if number and -129 < int(self.digits) < 256 else b""
-
     def value(self, reading: str) -> bytes:
         """The bytes that it is; none where it cannot be."""
         if reading == "binary":
             return bytes((int(self.digits, 2),)) if self.is_bits else b""
         return self.decimal if reading == "decimal" else self.hexadecimal
+
+
+def _token(match: re.Match[str]) -> NumberToken:
+    if match["char"] is not None:
+        return NumberToken(*match.span(), "", False, unescape(match["char"]), octet=True)
+    plain, signed = match["plain"], match["signed"]
+    digits = plain or signed or ""
+    number = int(plain) if plain and plain.removeprefix("-").isdigit() and len(plain) <= _WIDEST else _NO_BYTE
+    decimal = bytes((number & 0xFF,)) if -129 < number < 256 else b""
+    return NumberToken(*match.span(), digits, signed is not None, _in_hex(digits), decimal)
+
+
+def _in_hex(digits: str) -> bytes:
+    return b"" if digits[0] == "-" or len(digits) == 3 else bytes.fromhex("0" * (len(digits) % 2) + digits)
 
 
 def cell_of(line: LogLine, i: int, reading: str) -> NumberToken | None:
@@ -80,16 +84,15 @@ def cell_of(line: LogLine, i: int, reading: str) -> NumberToken | None:
 
 def tokens_of(line: LogLine, reading: str = "") -> Sequence[NumberToken]:
     """The numbers of a line; those of one field as one where they are read `JOINED`."""
-    if len(line.clean) > _LONGEST_ROW:
-        return ()
-    return _joined_in(line.clean) if reading == JOINED else _tokens_in(line.clean)
+    if line.numbers is None:
+        line.numbers = tuple(map(_token, _TOKEN.finditer(line.clean))) if len(line.clean) <= _LONGEST_ROW else ()
+    return _joined_in(line.clean, line.numbers) if reading == JOINED else line.numbers
 
 
-@lru_cache(_REMEMBERED)
-def _joined_in(text: str) -> tuple[NumberToken, ...]:
+def _joined_in(text: str, tokens: Sequence[NumberToken]) -> Sequence[NumberToken]:
     """`Starting address: 00 6B`: bytes beside one another as one number."""
     joined: list[NumberToken] = []
-    for token in _tokens_in(text):
+    for token in tokens:
         before = joined[-1] if joined else None
         if (
             before is not None
@@ -99,24 +102,11 @@ def _joined_in(text: str) -> tuple[NumberToken, ...]:
             and text[before.end : token.start] in _BETWEEN
             and token.hexadecimal
         ):
-            joined[-1] = before._replace(end=token.end, digits=before.digits + token.digits)
+            digits = before.digits + token.digits
+            joined[-1] = NumberToken(before.start, token.end, digits, before.signed, _in_hex(digits))
         else:
             joined.append(token)
-    return tuple(joined)
-
-
-@lru_cache(_REMEMBERED)
-def _tokens_in(text: str) -> tuple[NumberToken, ...]:
-    return tuple(
-        NumberToken(
-            match.start(),
-            match.end(),
-            match["signed"] or match["plain"] or "",
-            match["sign"] is not None,
-            None if match["char"] is None else unescape(match["char"]),
-        )
-        for match in _TOKEN.finditer(text)
-    )
+    return joined
 
 
 def skeleton_of(line: LogLine) -> str:

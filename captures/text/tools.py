@@ -138,9 +138,10 @@ def _arrow(match: re.Match[str]) -> LineMark:
 
 
 def _word(text: str, match: re.Match[str]) -> LineMark | None:
-    """A word that is a mark; `no response`, behind which the next request may stand, is none."""
+    """A word that is a mark; `no response`, behind which the next request may stand, and `slave 12` are none."""
     word, end = match["word"], match.end("word")
-    kind = _of_word(word, signed=match["sign"] is not None or _is_method(text, *match.span("word")))
+    signed = match["sign"] is not None and not (word.lower() in _SPEAKERS and match["sign"].strip().isdigit())
+    kind = _of_word(word, signed=signed or _is_method(text, *match.span("word")))
     before = text[max(match.start() - _NEGATED_WITHIN, 0) : match.start()]
     if not kind or (len(word) > _CODE and _NEGATED.search(before)):
         return None

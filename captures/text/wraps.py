@@ -14,8 +14,9 @@ from itertools import accumulate, islice
 from typing import Final
 
 from . import stamps
-from .choosing import ByteRun, covered, is_whole
-from .plain import NumberedLine, plain
+from .entries import NumberedLine
+from .plain import plain
+from .runs import ByteRun, covered, is_whole
 
 Runs = Callable[[str], Sequence[ByteRun]]  # of a line as it stands there
 

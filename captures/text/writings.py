@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Final, NamedTuple
 
 from .candidates import EDGE, END, LOOK_ALIKE, MISTYPED, H, HexWindow, Writing
+from .escapes import CARET, CONTROL, CONTROLS, HEX_ESCAPE, OD_CELLS, od_bytes, unescape
 
 LOOK_ALIKES: Final = "look-alikes"
 _SOME: Final = 3  # bytes: fewer say nothing
@@ -134,15 +136,24 @@ _OD: Final = "swapped words, octal or decimal"
 _APART: Final = rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"
 HEX_ROWS: Final = (
     _row("h", "", rf"(?i:{EDGE}0?{H}{{2}}h(?:[\s,;-]+0?{H}{{2}}h)+{END})", _suffixed, _LIKELY, _PLAIN),  # `11h 03h`
-    _row("ascii spelled", ":",  # `: 0 1 0 3`, `':' '0' '1'`
-         rf"(?P<quote>['\"]?):(?P=quote)(?:[ \t,]{{1,3}}(?P=quote){H}(?P=quote)){{8,512}}(?![\w'\"])", _frame_of),
+    _row("ascii", ":",  # `:1103006B00037E`, and others end to end
+         rf"(?:(?<![0-9A-Za-z_])|(?<=[0-9A-F]{{8}})):(?!0[bB][01]{{8}}{END})(?:{H}{{2}}){{3,300}}(?![0-9A-Za-z_])",
+         _frame_of, _PLAIN, _PLAIN),
     _row("ascii apart", ":", rf"(?:^|[:>|=])[ \t]*(?P<bytes>:(?:[ \t]?{H}{{2}}){{3,300}}){END}", _spread),
     _row("loose words", "", rf"{EDGE}(?:{H}{{2}}){{1,4}}(?:[ \t]{{1,6}}(?:{H}{{2}}){{1,4}})+{END}", _loose),
     _row(_OD, "0", r"^[0-7]{7}\s+(?P<bytes>[0-7]{6}(?: +[0-7]{6}){0,15})\s*$", _words_of(8), _LIKELY, _LIKELY),
     _row(_OD, "0", r"^[0-9a-f]{7}\s+(?P<bytes>\d{5}(?: +\d{5}){0,15})\s*$", _words_of(10), _LIKELY, _LIKELY),
     _row(_OD, "0", r"^[0-7]{7} {2,}(?P<bytes>\d{1,5}(?: +\d{1,5}){7})\s*$", _words_of(10), _LIKELY, _LIKELY),
 )  # fmt: skip
+_CARETS: Final = r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*"
+_NAMED: Final = rf"<(?:{'|'.join(CONTROLS)})>"
 OTHER_ROWS: Final = (
+    _row("od -c", "0", rf"^[0-9a-f]{{7}}(?P<bytes>{OD_CELLS})\s*$", od_bytes),
+    # of LabVIEW, `<SOH><ETX><NUL>k<C5>` of terminals, `^A^C^@kM-^D^J` of `cat -v`, whose first may be a blank
+    _row("\\hex", "\\", r"(?:[^\\\s]*\\(?:[0-9A-F]{2}|[bfnrst\\])){3,}[^\\\s]*", partial(unescape, escape=HEX_ESCAPE)),
+    _row("<NUL>", "<", rf"(?<!\S)\S{{0,300}}?{_NAMED}.*(?:{_NAMED}|<{H}{{2}}>)\S*", partial(unescape, escape=CONTROL)),
+    _row("^A", "^", _CARETS, partial(unescape, escape=CARET)),
+    _row("^A", "^", f" {_CARETS}", partial(unescape, escape=CARET)),
     _row("ascii", ":", rf"(?<=[A-Za-z]{{2}}):(?:{H}{{2}}){{3,300}}{END}", _frame_of),  # `Tx:0103…`
     _row("pair and character", "", rf"{EDGE}(?:{H}{{2}}[ -~] ){{3,}}{H}{{2}}[ -~](?!\S)", _with_characters,
          many=_PLAIN),
