@@ -178,10 +178,18 @@ def _swapped(register: int) -> int:
 
 
 def harmless(text: str) -> str:
-    """`text` with every character that does not print as itself written as its escape."""
+    """`text` with every character that does not print as itself written as its escape; what stands for a byte of a
+    file's name that is no UTF-8 as `\\xe9`."""
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    return "".join(c if c.isprintable() else _escape(c) for c in text)
+
+
+def _escape(character: str) -> str:
+    code = ord(character)
+    if 0xDC80 <= code <= 0xDCFF:  # as the system's names are decoded (PEP 383)
+        return f"\\x{code - 0xDC00:02x}"
+    return character.encode("unicode_escape").decode("ascii")
 
 
 FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")

@@ -11,6 +11,33 @@ from dissectors.maps.importers import import_maps
 from dissectors.maps.written import order_of
 
 _FILES = {
+    "addresses that a note calls those of the protocol, decimals under a short word": (
+        "inverter.csv",
+        """
+Holding registers (functions 03 and 06), decimal protocol addresses: do not subtract 40001
+No,Signal,Unit,Register address,Dec,Access
+1,Rated power,kW,30073,3,RO
+2,Grid voltage,V,32066,1,RO
+3,Reactive power,,40122,0,RW
+""",
+        [
+            "holding 30073 u16 x0.001 kW r Rated power", "holding 32066 u16 x0.1 V r Grid voltage",
+            "holding 40122 u16 rw Reactive power",
+        ],
+    ),
+    "a title in the second column, where lines begin with their bar": (
+        "pump.md",
+        """
+| Access | Register | Words | Name |
+|---|---|---|---|
+| Measured |  |  |  |
+| R | 0000h | 2 | Flow (x0.1 l/s) |
+| R | 0009h | 1 | Level (x0.001 mm) |
+| Set points |  |  |  |
+| R/W | 000Ah | 2 | Limit (x0.1 l/s) |
+""",
+        ["holding 0 u32 x0.1 l/s r Flow", "holding 9 u16 x0.001 mm r Level", "holding 10 u32 x0.1 l/s rw Limit"],
+    ),
     "cells that go on below, access in titles": (
         "pump.txt",
         """
@@ -218,7 +245,7 @@ name=Flow
 register=2
 note=divided by 100
 """,
-        ["holding 0 u16 x0.1 Level", "holding 1 u16 x0.01 Flow"],
+        ["holding 0 u16 x0.1 cm Level", "holding 1 u16 x0.01 Flow"],
     ),
     "groups with the function of all below, an address in the head": (
         "unit.yaml",

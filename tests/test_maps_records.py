@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -32,6 +34,18 @@ BY_ADDRESS = {
     "holding": {"40003": {"name": "Flow", "dataType": "int16", "scaleFactor": 0.01, "unit": "m3/h"}},
     "input": {"30001": {"name": "Temp", "dataType": "float32"}},
 }
+
+
+def test_what_is_null_says_nothing() -> None:
+    listed = [{"name": name, "address": at, "unit": None, "access": None} for at, name in enumerate(("Flow", "Level"))]
+    assert [(row.address, row.name, row.unit) for row in chart_of(json.dumps(listed), "a.json").rows] == [
+        (0, "Flow", ""), (1, "Level", ""),
+    ]  # fmt: skip
+
+
+def test_what_was_read_before_changes_nothing() -> None:
+    code = "from dissectors.maps.facts import facts_in; print(facts_in('x0,1 \u043c3/\u0447', 'behind')['scale'])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout.strip() == b"0.1"
 
 
 def test_a_list_of_objects() -> None:

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, cast
+from typing import Any, Final
 
 from dissectors.values import ORDERS, ValueFormError, harmless, physical
 
@@ -17,7 +17,6 @@ from .model import (
     ANY_LENGTH,
     AREA_WORDS,
     DIGIT_OF_AREA,
-    READ_FUNCTIONS,
     VALUE_TYPES,
     DeviceSignature,
     MapArea,
@@ -62,8 +61,6 @@ class Column:
 
 def area_and_address(area: object, address: object, base: int = 0) -> tuple[MapArea, int]:
     """Area and zero-based address. Where `area` is empty the address must be a logical one, which names it."""
-    if area in READ_FUNCTIONS and isinstance(address, int) and base <= address <= _LAST_ADDRESS:
-        return cast(MapArea, area), address - base
     text = _cell(address).replace(" ", "").replace("_", "")
     chosen = area_of(area) if _cell(area) else None
     prefix = re.fullmatch(r"([0134])x(\d+)", text, re.IGNORECASE)
@@ -262,13 +259,14 @@ def _writers(column: str, cell: object) -> tuple[int, ...]:
 
 
 def _factor(column: str, cell: object) -> float:
-    factor = _fraction(column, cell)
+    factor = fraction(column, cell)
     if factor == 0:
         raise CellError(column, 0, "a number other than 0")
     return factor
 
 
-def _fraction(column: str, cell: object) -> float:
+def fraction(column: str, cell: object) -> float:
+    """A number, also one with a decimal comma, or two with a bar between them."""
     text = _cell(cell)
     above, bar, below = text.replace(",", ".").partition("/")
     try:
@@ -335,7 +333,7 @@ COLUMNS: Final[tuple[Column, ...]] = (
            "order"),
     Column("length", _WHOLE_OR_TEXT, "registers, of a text, an enum, bits or a time", "length"),
     Column("scale", _NUMBER, "value = raw * scale + offset", "scale", _factor, number_text),
-    Column("offset", _NUMBER, "value = raw * scale + offset", "offset", _fraction, number_text),
+    Column("offset", _NUMBER, "value = raw * scale + offset", "offset", fraction, number_text),
     Column("scale_register", _WHOLE_OR_TEXT, "address whose signed value is a power of ten", "scale_address", None,
            number_text),
     Column("unit", _TEXT, "unit of measure", "unit", _text),
@@ -345,8 +343,8 @@ COLUMNS: Final[tuple[Column, ...]] = (
     Column("written_by", _WHOLE_OR_TEXT, "functions that write it, where not all do: 16", "written_by", _writers,
            lambda codes: " ".join(map(str, codes))),
     Column("formula", _TEXT, "how it follows from others: [Offset] + raw / 65535 * [Gain]", "formula", _formula),
-    Column("min", _NUMBER, "least plausible value, in the unit", "minimum", _fraction, number_text),
-    Column("max", _NUMBER, "greatest plausible value, in the unit", "maximum", _fraction, number_text),
+    Column("min", _NUMBER, "least plausible value, in the unit", "minimum", fraction, number_text),
+    Column("max", _NUMBER, "greatest plausible value, in the unit", "maximum", fraction, number_text),
     Column("description", _TEXT, "more words", "description", _text),
     Column("group", _TEXT, "a heading to list it under", "group", _text),
 )  # fmt: skip

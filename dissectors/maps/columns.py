@@ -36,6 +36,24 @@ def cut_at_blanks(lines: Sequence[str]) -> Iterator[list[str]]:
         yield from _cut_table(wide[first:last], parted[first:last], has_heading=first in begins)
 
 
+def without_page_marks(lines: Sequence[str]) -> list[str]:
+    """The lines, empty where one says no more than which page of a book it is on: the same but for a number that
+    counts."""
+    pages: dict[str, list[tuple[int, list[int]]]] = {}
+    for at, line in enumerate(lines):
+        numbers = expression(r"\d{1,4}").findall(line)
+        if numbers and len(parts_of_line(line[:_CELL])) < LEAST_CELLS:
+            pages.setdefault(expression(r"\d{1,4}").sub("#", line), []).append((at, [*map(int, numbers)]))
+    marks = {at for found in pages.values() if _counts_on([numbers for _, numbers in found]) for at, _ in found}
+    return ["" if at in marks else line for at, line in enumerate(lines)]
+
+
+def _counts_on(found: Sequence[Sequence[int]]) -> bool:
+    """Whether of the numbers of lines one rises by 1 each time, and all others stay."""
+    steps = [[after - before for before, after in zip(one, other, strict=True)] for one, other in pairwise(found)]
+    return steps != [] and all(sorted(step) == [*[0] * (len(step) - 1), 1] for step in steps)
+
+
 def parts_of_line(line: str) -> list[Span]:
     """Where the cells of a line are that two blanks part; those of a rule one."""
     parts = (_WIDE, _WORDS)[form("rule_above", line) != {}]

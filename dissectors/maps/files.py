@@ -15,10 +15,12 @@ from typing import Any, Final
 
 from .model import MapError, RegisterMap
 from .table import read_table, write_table
-from .vocabulary import expression
+from .vocabulary import known_letters
 
 _MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
 _LOOK: Final = 4096  # bytes
+_ACCENTED: Final = 0xC0  # from which on pages have letters beyond ASCII
+_SAMPLE: Final = 1 << 15  # bytes that tell a code page
 _WORD: Final = re.compile(rb"[A-Za-z\xc0-\xff]*[\xc0-\xff][A-Za-z\xc0-\xff]*")
 
 
@@ -45,27 +47,29 @@ def _wide(data: bytes) -> str | None:
     return ("utf-16-be", "utf-16-le")[odd > 0]
 
 
-_CENTRAL: Final = re.compile(rb"[a-z\xe0-\xff][\x9a\x9c-\x9f\xb3\xb9\xbc\xbe\xbf][a-z\xe0-\xff]")
-_SHARE: Final = 0.2  # of the letters that are no ASCII
-_EASTERN: Final = {"cp932": "[\u3041-\u30ff]", "euc-kr": "[\uac00-\ud7a3]", "gb2312": "[\u4e00-\u9fff]"}
-"""Code pages with the letters that they are for."""
+_PAGES: Final = (
+    *("cp1252", "cp1250", "cp1251", "cp1254", "cp1253", "cp1257", "cp1255", "cp1256", "cp874", "koi8-r", "cp866"),
+    *("cp932", "euc-kr", "gb18030", "big5"),
+)
 
 
 def _page(data: bytes) -> str:
-    """That of the East whose letters all of it has; Windows-1250 where words have signs within that are letters there
-    alone, -1251 where they have Cyrillic letters throughout, else -1252, of which letters stand alone."""
-    for page, letters in _EASTERN.items():
-        try:
-            text = data.decode(page)
-        except UnicodeDecodeError:
-            continue
-        if len(expression(letters).findall(text)) > _SHARE * sum(not sign.isascii() for sign in text):
-            return page
-    if _CENTRAL.search(data):
-        return "cp1250"
-    words = _WORD.findall(data)
-    cyrillic = sum(len(re.findall(rb"[\xc0-\xff]", word)) > len(word) // 2 for word in words)
-    return ("cp1252", "cp1251")[2 * cyrillic >= len(words)]
+    """The code page in which a text has most words of tables of registers; of none, Cyrillic where words are of its
+    letters throughout."""
+    words = _WORD.findall(data[:_SAMPLE])
+    cyrillic = sum(2 * sum(letter >= _ACCENTED for letter in word) > len(word) for word in words)
+    known = {page: known_letters(data[:_SAMPLE].decode(page, "replace")) for page in _PAGES if _is_of_page(data, page)}
+    usual = ("cp1252", "cp1251")[2 * cyrillic >= len(words)]
+    return max((usual, *known), key=lambda page: known.get(page, 0))
+
+
+def _is_of_page(data: bytes, page: str) -> bool:
+    """Whether a text may be of a code page."""
+    try:
+        data.decode(page)
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 _YAML: Final = (".yaml", ".yml")

@@ -1,20 +1,29 @@
-"""Where the headings of a table are: rows of known words, or rows of words that are some by what stands below them;
-else the columns themselves tell what they are, as they stand or turned.
+"""Where the headings of a table are, and what its columns hold: the form of its addresses, what its types and rights
+mean beside each other, what stands behind its names.
+
+Headings are rows of known words, or rows of words that are some by what stands below them; else the columns themselves
+tell what they are, as they stand or turned.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import islice, repeat, zip_longest
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import compress, islice, pairwise, repeat, zip_longest
 from typing import Final
 
-from .roles import Table, assigned, column_cells, heading_weight, is_heading, may_be_heading
-from .vocabulary import expression, form
+from .roles import Table, TableColumn, assigned, column_cells, heading_weight, is_heading, may_be_heading
+from .vocabulary import WHOLE, expression, form, heading_bits, plain_heading
+from .written import AddressForm, address_form, area_words, numbers_in
 
 _TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table without a heading
 HEADING_ROWS: Final = 60  # in which a heading is sought
 _MOST_TRIED: Final = 12  # rows of words that may be a heading
 _MOST_TURNED: Final = 24  # rows of a table whose values stand side by side
+_AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
+_LEAST_NAMES: Final = 3  # that tell whether names end in units
+_LOGICAL: Final = 10_000  # by which logical numbers of areas differ
 
 
 def has_heading(rows: Table) -> bool:
@@ -63,3 +72,99 @@ def is_value(row: Sequence[str]) -> bool:
 def is_rule(row: Sequence[str]) -> bool:
     """Whether a row is a line between rows, or nothing."""
     return form("rule", "".join(row)) != {}
+
+
+@dataclass(slots=True)
+class TableHeading:
+    """What the columns of a table hold, by a row of headings and the rows below it."""
+
+    columns: dict[str, int] = field(default_factory=dict)
+    form: AddressForm = field(default_factory=AddressForm)
+    addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
+    of_functions: bool = False  # areas are the codes of functions
+    of_words: bool = False  # inputs that are registers are called so
+    order: str = ""  # what the heading of the orders says of them: that they are of words
+    has_units_behind: bool = False  # names end in their units
+    others: Mapping[str, int] = field(default_factory=dict)  # columns of more addresses, by what tells them apart
+    unsigned: Collection[str] = ()  # types that are others without the word that these have a sign
+    is_offset: bool = False  # addresses are called offsets
+    step: int = 1  # registers from one address to the next, the least
+    rights: Mapping[str, str] = field(default_factory=dict)  # what cells of access mean where no word is known
+
+
+def heading_of(
+    row: Sequence[str], columns: dict[str, int], below: Table, numbering: str
+) -> tuple[TableHeading, Sequence[str]]:
+    """What columns hold below a row of headings, and what is to be said of it; `numbering`: what titles say of
+    addresses."""
+    texts = {role: plain_heading(row[at]) for role, at in columns.items()}
+    addresses, names, units, types, areas, rights = (
+        column_cells(below, columns.get(role, len(row)))
+        for role in ("address", "name", "unit", "type", "area", "access")
+    )
+    signed = filter(None, (form("says_signed", kind.lower()) for kind in types))
+    how = address_form(f"{texts['address']}{numbering}", addresses)
+    doubtful = {
+        _AS_DIVISOR: 0 < heading_bits(texts.get("divisor", "divisor"), "divisor") < WHOLE,
+        "whole factors, some below 0, were taken for powers of ten": "power" in columns,
+        "plain addresses were taken as counted from 1, as a heading says": how.base > 0,
+        "addresses were taken for hexadecimal, as some of them have letters": how.is_hex > how.is_said,
+    }
+    found = TableHeading(
+        columns,
+        how,
+        Counter(addresses),
+        form("of_functions", texts.get("area", "")) != {},
+        any(map(_is_of_words, areas)),
+        "word order" * ("word" in texts.get("order", "")),
+        _have_units_behind(names, units),
+        _more_addresses(row, below, columns),
+        {without_width(f"{said['before']} {said['behind']}") for said in signed},
+        heading_bits(texts["address"], "offset") > 0,
+        _least_step(_first_numbers(below, columns["address"])),
+        TableColumn("", rights, 1).rights,
+    )
+    return found, [*compress(doubtful, doubtful.values())]
+
+
+def _is_of_words(area: str) -> bool:
+    """Whether an area is called inputs that are registers."""
+    return bool(form("of_words", area)) and area_words(area) == "input"
+
+
+def without_width(kind: str) -> str:
+    """The words of a type without its bits."""
+    return " ".join(expression(r"[^\W\d]+").findall(kind.lower()))
+
+
+def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]) -> Mapping[str, int]:
+    """The columns of addresses by what tells them apart, where several stand side by side: Address L1, L2, L3."""
+    word, _, own = row[columns["address"]].partition(" ")
+    free = {at: row[at].removeprefix(word).strip() for at in range(len(row)) if at not in columns.values()}
+    found = {
+        title: at
+        for at, title in free.items()
+        if row[at].startswith(f"{word} ")
+        and not heading_bits(plain_heading(title.strip("()[]")), "address")
+        and TableColumn("", column_cells(below, at), len(below)).is_of_addresses
+    }
+    places = [number for at in (columns["address"], *found.values()) for number in _first_numbers(below, at)]
+    is_one_space = len({*places}) == len(places) > 0 and max(places) - min(places) < _LOGICAL
+    every = sorted({own: columns["address"], **found}.items(), key=lambda titled: titled[1])
+    return dict(every) if found and is_one_space else {}
+
+
+def _least_step(places: Sequence[int]) -> int:
+    """The least distance between addresses that differ."""
+    return min((after - before for before, after in pairwise(sorted({*places}))), default=1)
+
+
+def _first_numbers(rows: Table, at: int) -> list[int]:
+    """The first number of each cell of a column that has one."""
+    return [number for cell in column_cells(rows, at) for number in numbers_in(cell)[:1]]
+
+
+def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
+    """Whether many names end in a short word in brackets, and most have that or a unit of a column that few use."""
+    behind = sum(form("unit_behind", name) != {} for name in names)
+    return behind >= _LEAST_NAMES and 2 * (behind + len(units)) > len(names) > 2 * len(units)

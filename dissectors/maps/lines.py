@@ -19,30 +19,30 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import accumulate, pairwise
 from typing import Final
 
+from .facts import facts_in
 from .literals import with_constants
-from .roles import OF_PARTS, WHOLE, heading_bits, plain_heading, roles_of_part
+from .model import VALUE_TYPES
+from .roles import OF_PARTS, roles_of_part
 from .sheets import MapSheet, notes_of_cut
-from .vocabulary import expression, form, roles, tidied, vocabulary
-from .written import area_words, numbers_in
+from .vocabulary import expression, form, heading_bits, plain_heading, roles_headed, tidied, vocabulary
+from .written import area_words, numbers_in, type_of
 
 _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
+_MANY: Final = 3  # constants with a remark above
+_NEARLY: Final = 0.7
+_CONSTANT_SIGNS: Final = frozenset("=#")
 _PROSE: Final = 1 << 16  # characters of sentences
 _TEXT: Final = 1 << 18  # characters of lines
 _HEAD: Final = 4000  # characters in which sentences speak of all
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
 _GOES_ON: Final = frozenset(":-–—")  # marks behind which a text may go on
-_OCTETS: Final = {"char": 1, "8": 1, "16": 2, "32": 4, "64": 8, "float": 4, "double": 8}
 _COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area", "length")
-_KINDS: Final = ("opened", "declared", "bare", "implied", "entry", "called", "indexed", "alone")
-_SIGNS: Final = {"opened": ("{",), "declared": ("//", "/*", "(*", "#", "--"), "bare": ("#",), "called": ("read",),
-                 "indexed": ("[",)}  # fmt: skip
-"""What no line of a form lacks."""
 Parts = Sequence[tuple[str, Sequence[str]]]
 
 
@@ -54,18 +54,18 @@ class _RegisterLine:
     name: str
     parts: Parts = ()
     is_entry: bool = False
-    area: str = ""
+    area: str | None = None
     block: Sequence[int] = ()  # the address of registers that are read at once
     is_part: bool = False  # one of these
 
 
 def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
     """The registers that lines say, as they stand or, of sentences, each mention on a line of its own."""
-    yield from _line_sheet(text[:_TEXT], most, notes_of_cut(len(text) > _TEXT, _TEXT, "characters"))
+    yield from _line_sheet(text[:_TEXT], most, notes_of_cut(len(text), _TEXT, "characters"))
     running = expression(r"(?<=\S)\n(?=[a-z(])").sub(" ", text[:_PROSE])
     spoken, mentions = expression("{MENTION}").subn(r"\n\1", running)
     if mentions >= _FEW:
-        notes = notes_of_cut(len(text) > _PROSE, _PROSE, "characters of sentences")
+        notes = notes_of_cut(len(text), _PROSE, "characters of sentences")
         yield from _line_sheet(expression("{SPOKEN}").sub(r"\n\2: \1", spoken), most, notes)
 
 
@@ -75,7 +75,7 @@ def _line_sheet(text: str, most: int, notes: tuple[str, ...]) -> Iterator[MapShe
     Many lines begin with a number: of entries, most must tell more than a name, or none counts.
     """
     placed = partial(_placed, bases=_bases(text[:_HEAD]))
-    text = tidied.__wrapped__("lines", with_constants(text))
+    text = tidied.__wrapped__("lines", _with_remarks_behind(with_constants(text)))
     every = expression(vocabulary()["image"]).sub(placed, text).splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
     read = _registers(shown)
@@ -90,7 +90,25 @@ def _line_sheet(text: str, most: int, notes: tuple[str, ...]) -> Iterator[MapShe
     titles = (_title(line) for line in shown)
     rows = [_cells(line, usual) if line else [title] for line, title in zip(found, titles, strict=True)]
     rows.insert(found.index(lines[0]), list(_COLUMNS))
-    yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(every) > most, most, "rows")))
+    yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(every), most, "rows")))
+
+
+def _with_remarks_behind(text: str) -> str:
+    """A text whose remarks stand behind what they are of, where nearly each constant has one on the line above."""
+    lines = text.splitlines()
+    short = [line[:_LONGEST] for line in lines]
+    constants = [at for at, line in enumerate(short) if not _CONSTANT_SIGNS.isdisjoint(line) and _is_constant(line)]
+    above = {at: form("comment", short[at - 1]).get("said", "") for at in filter(None, constants)}
+    told = {at: said for at, said in above.items() if said and not form("declared", short[at])}
+    if len(told) >= max(_MANY, _NEARLY * len(constants)):
+        for at, said in told.items():
+            lines[at - 1 : at + 1] = ["", f"{lines[at]} // {said}"]
+    return "\n".join(lines)
+
+
+def _is_constant(line: str) -> bool:
+    """Whether a line declares a constant, if only a remark stood behind."""
+    return form("declared", f"{line} // -") != {}
 
 
 def _title(line: str) -> str:
@@ -113,27 +131,37 @@ def _bases(text: str) -> dict[str | None, int]:
 
 def _placed(image: re.Match[str], bases: Mapping[str | None, int]) -> str:
     """The members of a structure as constants at the registers where they lie, where all have a size."""
-    texts = filter(str.strip, image["members"].splitlines())
+    texts = filter(str.strip, (image["members"] or image["listed"]).splitlines())
     members = [form("member", line) for line in texts if not form("comment", line)]
-    if not all(members):
+    if not (members and all(members)):
         return image[0]
-    octets = [_OCTETS[said["size"]] * max(1, int(f"0{said['count']}")) for said in members]
-    title = tidied("key", image["name"] + image["last"])
+    octets = [_octets_of(said) * max(1, _count_of(said)) for said in members]
+    title = tidied("key", f"{image['name'] or ''} {image['last'] or ''} {image['type'] or ''}")
     area = area_words(title)
     places = accumulate(octets, initial=2 * bases.get(area, [*bases.values(), 0][0] if area is None else 0))
     shown = (_member(said, at // 2) for said, at in zip(members, places, strict=False))
     return "\n".join(["", f"// {title}", *(line for lines in shown for line in lines)])
 
 
+def _octets_of(member: Mapping[str, str]) -> int:
+    """The octets of a member by its type; those of one of a text."""
+    kind = f"{member['type']}{member['of']}".lower()
+    return 1 if form("of_octets", kind) else 2 * VALUE_TYPES[type_of(kind, 1)[0]]
+
+
+def _count_of(member: Mapping[str, str]) -> int:
+    """How many a member has of its type; 0 where it does not say."""
+    return int(f"0{member['count']}{member['many']}")
+
+
 def _member(said: Mapping[str, str], at: int) -> Iterator[str]:
     """A member as constants: a text as one, each of several numbers for itself."""
-    wide = max(1, _OCTETS[said["size"]] // 2)
-    count = int(f"0{said['count']}")
-    of_text = f", length {count // 2}" * (said["size"] == "char" and count > 1)
+    count, kind, octets = _count_of(said), f"{said['type']}{said['of']}", _octets_of(said)
+    of_text = f", length {count // 2}" * (octets == 1 and count > 1)
     for turn in range(1 if of_text else max(1, min(count, _LONGEST))):
-        name = said["name"] + f"_{turn + 1}" * (count > 1 and not of_text)
-        kind = "string" if of_text else said["type"]
-        yield f"{name} = {at + turn * wide} : {kind} // {said['rest']}{of_text}"
+        name = f"{said['name']}{said['called']}" + f"_{turn + 1}" * (count > 1 and not of_text)
+        place = at + turn * max(1, octets // 2)
+        yield f"{name} = {place} : {'string' if of_text else kind} // {said['rest']}{of_text}"
 
 
 def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
@@ -142,9 +170,10 @@ def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
     before = _RegisterLine("", "", is_entry=True)
     title = ""
     for line in lines:
-        kinds = _KINDS if area_words(form("group_title", title).get("", "")) else _KINDS[:-1]
-        likely = (kind for kind in kinds if any(map(line.__contains__, _SIGNS.get(kind, ("",)))))
-        found.append(next(filter(None, (_register(kind, line, before) for kind in likely)), None))
+        is_titled = area_words(form("group_title", title).get("", "")) is not None
+        likely = (kind for kind, (signs, _) in _FORMS.items() if any(map(line.__contains__, signs)))
+        ways = ((kind, form(kind, line)) for kind in likely if is_titled or kind != "alone")
+        found.append(next(filter(None, (_FORMS[kind][1](said, before) for kind, said in ways if said)), None))
         before = found[-1] or before
         title = form("comment", line).get("said", title) if found[-1] is None else title
     for one, after in pairwise(filter(None, [*found])):
@@ -169,12 +198,6 @@ def _with_those_below(lines: Sequence[str]) -> Iterator[str]:
     yield from ["; ".join(entry)] * (entry != [])
 
 
-def _register(kind: str, line: str, before: _RegisterLine) -> _RegisterLine | None:
-    """What a line says by one of the forms that it may have."""
-    said = form(kind, line)
-    return _READ_AS.get(kind, _constant)(said, before) if said else None
-
-
 def _opened(_: Mapping[str, str], __: _RegisterLine) -> _RegisterLine:
     """What begins an enumeration: the first of it is 0."""
     return _RegisterLine("-1", "")
@@ -188,8 +211,11 @@ def _constant(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
     return replace(_named(address, said, tidied("type", said["type"])), area=area)
 
 
-_PLACES: Final = {"MX": (8, "coil"), "QX": (8, "coil"), "IX": (8, "discrete"), "IW": (1, "input"), "ID": (2, "input"),
-                  "MW": (1, "holding"), "QW": (1, "holding"), "MD": (2, "holding"), "QD": (2, "holding")}  # fmt: skip
+_PLACES: Final = {
+    **dict.fromkeys(("M", "Q"), (1, "coil")), **dict.fromkeys(("MX", "QX"), (8, "coil")), "I": (1, "discrete"),
+    "IX": (8, "discrete"), "IW": (1, "input"), "ID": (2, "input"), **dict.fromkeys(("MW", "QW"), (1, "holding")),
+    **dict.fromkeys(("MD", "QD"), (2, "holding")),
+}  # fmt: skip
 """How many addresses of Modbus an address of IEC 61131 counts, and of which area."""
 
 
@@ -210,7 +236,7 @@ def _called(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
 def _read(said: Mapping[str, str], call: str, address: int, kind: str, scale: str = "") -> _RegisterLine:
     """What a line of a program says of a register that it reads."""
     rest = f"{scale}; {tidied('place', said['scale'])}; {said['rest']}"
-    area = area_words(tidied("key", call.lower())) or ""
+    area = area_words(tidied("key", call.lower()))
     return replace(_named(str(address), {**said, "rest": rest}, kind), area=area, block=[address])
 
 
@@ -228,17 +254,41 @@ def _entry(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
     """An address with its name behind it."""
     text = form("spoken_of", said["rest"]).get("rest") or said["rest"]
     name, parts = _name_and_parts(f"{text}, {said['aside']}".rstrip(", "))
-    area = area_words(said["word"]) or ""
-    return _RegisterLine(said["address"], name, [*parts, ("", ("end",))], is_entry=True, area=area)
+    return _listed(said, name, parts)
 
 
-_READ_AS: Final[Mapping[str, Callable[[Mapping[str, str], _RegisterLine], _RegisterLine | None]]] = {
-    "opened": _opened,
-    "implied": _implied,
-    "called": _called,
-    "indexed": _indexed,
-    "entry": _entry,
+def _listed(said: Mapping[str, str], name: str, parts: Parts) -> _RegisterLine:
+    """An entry of a list, before whose address a word may say the area."""
+    return _RegisterLine(said["address"], name, [*parts, ("", ("end",))], is_entry=True, area=area_words(said["word"]))
+
+
+def _after_name(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine | None:
+    """A name with its address behind it, of which a word says that it is one, or how it is written."""
+    words = plain_heading(said["word"]).split()
+    signs = (
+        area_words(said["word"]),
+        said["address"].startswith("0x"),
+        *(heading_bits(one, "address") for one in words),
+    )
+    parts = [_told(part) for _, part in _parts(said["rest"].strip(" ,;:)]"))]
+    name = said["name"].strip("*_`\"' ")
+    is_heading = heading_bits(plain_heading(name), "address") > 0
+    return _listed(said, name, parts) if any(signs) > is_heading else None
+
+
+_ReadLine = Callable[[Mapping[str, str], _RegisterLine], _RegisterLine | None]
+_FORMS: Final[Mapping[str, tuple[Sequence[str], _ReadLine]]] = {
+    "opened": (("{",), _opened),
+    "declared": (tuple("/*#-;'{!%"), _constant),
+    "bare": (("#",), _constant),
+    "implied": (("",), _implied),
+    "entry": (("",), _entry),
+    "named": (("",), _after_name),
+    "called": (("read",), _called),
+    "indexed": (("[",), _indexed),
+    "alone": (("",), _constant),
 }
+"""The forms that a line may have, what no line of it lacks, and how it is read."""
 
 
 def _named(address: str, said: Mapping[str, str], kind: str = "") -> _RegisterLine:
@@ -253,13 +303,6 @@ def _name_and_parts(text: str) -> tuple[str, Parts]:
     end = parts[known][0] if known < len(parts) else len(text)
     name = text[:end].rstrip(" \t([,;:|-–—").strip("*_` ")
     return form("name_end", name).get("name", name), [(part, may) for _, part, may in parts[known:]]
-
-
-@lru_cache(maxsize=4096)
-def cells_told(text: str) -> tuple[str, Mapping[str, str]]:
-    """A name, and the cells that stand behind it in one text: `DC voltage, uint16, 0.1 V`."""
-    name, parts = _name_and_parts(text)
-    return name, _by_role(parts, {})
 
 
 def _parts(text: str) -> list[tuple[int, str]]:
@@ -280,6 +323,8 @@ def _leads(text: str) -> bool:
 
 def _with_last(part: str) -> list[tuple[int, str]]:
     """A text and the type or the access behind it, where it ends with one: `Line voltage uint16`; where each begins."""
+    if "scale" in facts_in(part, "remark"):
+        return [(0, part)]
     blanks = [blank.span() for blank in expression(r"\s+").finditer(part)]
     texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
     name, begin = [("", 0), *texts][-1]
@@ -303,8 +348,7 @@ def _told(part: str) -> tuple[str, Sequence[str]]:
 
 def _headed(text: str) -> Sequence[str]:
     """The columns of which a text is the heading."""
-    heading = plain_heading(text)
-    return [role for role in roles() if heading_bits(heading, role) >= WHOLE and role in _COLUMNS]
+    return [*filter(_COLUMNS.__contains__, roles_headed(plain_heading(text)))]
 
 
 def _by_role(parts: Parts, usual: Mapping[int, str]) -> dict[str, str]:
@@ -322,5 +366,5 @@ def _by_role(parts: Parts, usual: Mapping[int, str]) -> dict[str, str]:
 
 
 def _cells(line: _RegisterLine, usual: Mapping[int, str]) -> list[str]:
-    cells = {**_by_role(line.parts, usual), "address": line.address, "name": line.name, "area": line.area}
+    cells = {**_by_role(line.parts, usual), "address": line.address, "name": line.name, "area": line.area or ""}
     return [cells.get(column, "") for column in _COLUMNS]

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
-from .roles import is_heading
+from .roles import is_heading, known_headings
 from .vocabulary import expression, form, tidied, vocabulary
 from .written import numbers_in
 
@@ -113,10 +113,7 @@ class _BracketGroup:
                 case "part":
                     self._close()
                 case "comment":
-                    names[0] = (
-                        _names(expression(r"\s*,\s*|\s{2,}").split(form("listed", token).get("items", token)))
-                        or names[0]
-                    )
+                    names[0] = next(filter(None, map(_names_said, expression(r"[.;:]\s").split(token))), names[0])
                     if isinstance(token, Remark):
                         self._close()
                         self.listed.append(token)
@@ -132,7 +129,11 @@ class _BracketGroup:
     def _nested(self, group: Any) -> None:
         """Take in a group; no sign parts those that stand in no other."""
         before = [None, *self.words][-1]
-        self.words = [{**before, "": group} if isinstance(before, dict) else group]  # what is said of a group before it
+        if isinstance(before, dict):  # what is said of a group before it
+            group = {**before, "": group}
+        elif isinstance(group, dict) and len(self.words) > 1:  # its kind and its name
+            group = {"key": before, **group}
+        self.words = [group]
         if not self.depth:
             self._close()
 
@@ -168,11 +169,19 @@ class _BracketGroup:
         return self.named.keys() <= fields.keys() and (count == most or fewer)
 
 
+def _names_said(sentence: str) -> Fields:
+    """The names that a sentence of a comment lists."""
+    return _names(expression(r"\s*,\s*|\s{2,}").split(form("listed", sentence).get("items", sentence)))
+
+
 def _names(items: list[Any], *, is_quoted: bool = False) -> Fields:
-    """The items as names, where all of them are words, or one says them all, or their first words are headings; texts
-    must be headings, too. Else none."""
+    """The items as names, where all of them are words, or one says them all, or their first or last words are headings;
+    texts must be headings, too. Else none."""
     texts = list(map(str, items))
-    ways = [texts, [f"{text} ".split(" ")[0] for text in texts], *(text.replace(",", " ").split() for text in texts)]
+    words = [f"{text} ".split() or [""] for text in texts]
+    sentences = (text.replace(",", " ").split() for text in texts)
+    lists = (one for one in sentences if 2 * known_headings(one) >= len(one))  # other sentences have headings, too
+    ways = (texts, [some[0] for some in words], [some[-1] for some in words], *lists)
     listed = next((one for one in ways if len(one) >= _FEW and is_heading(one)), texts * (not is_quoted))
-    words = [word.strip(" *.:").split("[")[0] for word in listed]
-    return dict.fromkeys(words, "") if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else {}
+    names = [word.strip(" *.:").split("[")[0] for word in listed]
+    return dict.fromkeys(names, "") if len(names) >= _FEW and all(map(_WORD.fullmatch, names)) else {}

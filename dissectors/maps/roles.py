@@ -8,20 +8,17 @@ heading is of no known language, and one whose heading means something else than
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Any, Final
-from unicodedata import category, normalize
 
+from .facts import facts_in
 from .model import AREA_WORDS
-from .vocabulary import WIDE_SIGNS, expression, form, given, is_narrow, meaning, roles
+from .vocabulary import expression, form, given, heading_bits, meaning, plain_heading, roles, roles_headed
 from .written import numbers_in
 
-_HEADING: Final = 60  # characters
-WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
-_LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two letters of Chinese say much
+_MOST_TURNS: Final = 8
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
 OF_PARTS: Final = ("type", "unit", "scale", "access")
@@ -35,56 +32,19 @@ _LEFT_OUT: Final = (
 )
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
-_LEAST_TOLD: Final = 4  # that tell one without types from a list of prices or alarms
+_TELLING: Final = frozenset({"type", "access", "area", "length", "scale"})
+_LEAST_TOLD: Final = 3  # that tell one without these from a list of prices or alarms
 _LEAST_ROWS: Final = 2  # below it
-_FILLED: Final = 0.9
 _RISING: Final = 0.8
+_SPANS: Final = 9.0  # bits of a column of as many registers as addresses are apart
+_FEW_SPANS: Final = 2  # rows that tell nothing of that
 
 Table = Sequence[Sequence[str]]
 
 
 def column_cells(rows: Table, at: int) -> list[str]:
     """The cells of a column that hold something."""
-    return [cell for row in rows if at < len(row) and (cell := row[at].strip())]
-
-
-@lru_cache(maxsize=4096)
-def heading_bits(text: str, role: str) -> float:
-    """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
-    if not 0 < len(text) <= _HEADING:
-        return 0.0
-    narrow = is_narrow(text)
-    words = _any(role, "words", narrow=narrow)
-    last = _any(role, "last", "(?:{})$", narrow=narrow).search(text)
-    ends = [mark.start() for mark in expression(r"(?<=\w)(?!\w)").finditer(text)]
-    ways = (
-        (WHOLE, is_whole(text, role)),
-        (_BEGINS, any(words.fullmatch(text, 0, end) for end in ends)),
-        (_MAYBE, _any(role, "maybe", narrow=narrow).fullmatch(text)),
-        (_ENDS, _any(role, "ends", "(?:{})$", narrow=narrow).search(text)),
-        (_ENDS, last and len(last[0].encode()) >= _LEAST_END),
-    )
-    return next((bits for bits, found in ways if found), 0.0)
-
-
-def is_whole(text: str, role: str) -> bool:
-    """Whether a heading is of a role by all of it."""
-    return text == role or _any(role, "words", narrow=is_narrow(text)).fullmatch(text) is not None
-
-
-@lru_cache(maxsize=256)
-def _any(role: str, kind: str, where: str = "{}", *, narrow: bool) -> re.Pattern[str]:
-    words = "|".join(roles(narrow=narrow)[role].get(kind, ())) or r"(?!)"
-    return expression(where.replace("{}", _unaccented(words)), narrow=narrow)
-
-
-def _unaccented(text: str) -> str:
-    """A text without the marks on its letters, which people leave out."""
-    bare = "".join(sign for sign in normalize("NFD", text) if category(sign) != "Mn")
-    return normalize("NFC", bare).translate(_STROKES)
-
-
-_STROKES: Final = str.maketrans({"đ": "d", "ł": "l", "ø": "o", "ı": "i", "æ": "ae", "œ": "oe", "ß": "ss"})
+    return [*filter(None, (cell.strip() for row in rows for cell in row[at : at + 1]))]
 
 
 class TableColumn:
@@ -93,11 +53,14 @@ class TableColumn:
     def __init__(self, heading: str, cells: Sequence[str], rows: int) -> None:
         self.heading = plain_heading(heading)
         self.cells = cells
+        self.rows = rows
         self.filled = len(cells) / max(1, rows)
 
     @cached_property
     def numbers(self) -> list[int]:
-        """The first number of each cell that has one."""
+        """The first number of each cell that has one; hexadecimal where all cells can be and some have letters."""
+        if all(form("bare_hex", cell) for cell in self.cells) and not all(map(str.isdecimal, self.cells)):
+            return [int(cell.rstrip("hH"), 16) for cell in self.cells]
         return [number for cell in self.cells for number in numbers_in(cell)[:1]]
 
     @property
@@ -105,7 +68,7 @@ class TableColumn:
         """Whether nearly all cells are numbers that rise, some at least: so are addresses beside each other."""
         likely = sum(form("place", cell) != {} for cell in self.cells)
         missing = sum(not given(cell) for cell in self.cells)
-        return likely > 1 and likely + missing == len(self.cells) and self._rises({})
+        return likely > 1 and likely + missing == len(self.cells) and self.rises
 
     def bits(self, role: str) -> float:
         """How much the column speaks for a role."""
@@ -117,70 +80,61 @@ class TableColumn:
 
     def _evidence(self, line: Mapping[str, Any]) -> float:
         if not self.cells:
-            return float(min(0, line["no"]) * ("filled" in line))
+            return float(min(0, line["no"]) * ("filled" in line and self.rows > 0))
         holds = all(_LOOKS[kind](self, line) for kind in _LOOKS.keys() & line.keys())
         return float(line[("no", "yes")[holds]])
 
-    def _share(self, line: Mapping[str, Any], looks: Callable[[str], object]) -> bool:
+    def share(self, line: Mapping[str, Any], looks: Callable[[str], object]) -> bool:
+        """Whether a look finds as many of the cells as a line asks for, all where it does not say."""
         return sum(map(bool, map(looks, self.cells))) >= float(line.get("share", 1)) * len(self.cells)
 
-    @cached_property
-    def is_narrow(self) -> bool:
-        """Whether its cells have Latin letters alone."""
-        return all(map(is_narrow, self.cells))
-
-    def _like(self, line: Mapping[str, Any]) -> bool:
-        return self._share(line, expression(line["like"], narrow=self.is_narrow).fullmatch)
-
-    def _some(self, line: Mapping[str, Any]) -> bool:
-        return any(map(expression(line["some"], narrow=self.is_narrow).fullmatch, self.cells))
-
-    def _rises(self, _: Mapping[str, Any]) -> bool:
+    @property
+    def rises(self) -> bool:
+        """Whether numbers, in most cells, rise nearly always."""
         steps = [after > before for before, after in pairwise(self.numbers)]
         return sum(steps) >= _RISING * len(steps) and 2 * len(self.numbers) > len(self.cells)
 
-    def _counts(self, _: Mapping[str, Any]) -> bool:
+    @property
+    def counts(self) -> bool:
+        """Whether the cells count from 0 or 1 on."""
         first = [*self.numbers, 2][0]
         return first < 2 < len(self.cells) and self.numbers == list(range(first, first + len(self.cells)))
 
-    def _varies(self, _: Mapping[str, Any]) -> bool:
-        return len(set(self.cells)) > 1
+    @cached_property
+    def rights(self) -> Mapping[str, str]:
+        """What cells of rights mean in any language, where some are two words with a sign between: read/write."""
+        parts = {cell: form("two_words", cell) for cell in {*self.cells}}
+        both = dict(filter(all, parts.items()))
+        reading = {said["first"]: "r" for said in both.values()}
+        writing = {said["second"]: "w" for said in both.values()}
+        return {**writing, **reading, **dict.fromkeys(both, "rw")} if len(both) == 1 else {}
 
-    def _differs(self, _: Mapping[str, Any]) -> bool:
-        return len(set(self.cells)) >= _RISING * len(self.cells)
-
-    def _is_filled(self, _: Mapping[str, Any]) -> bool:
-        return self.filled >= _FILLED
-
-    def _types(self, line: Mapping[str, Any]) -> bool:
-        return self._share(line, lambda cell: meaning("typed", cell.replace("_", " ")))
-
-    def _areas(self, line: Mapping[str, Any]) -> bool:
-        if not heading_bits(self.heading, "area"):
-            return all(cell.lower() in AREA_NAMES or meaning("area", cell) for cell in self.cells)
-        return self._share(
-            line, lambda cell: form("codes", cell.lower()) or meaning("area", cell) or cell.lower() in AREA_WORDS
-        )
+    def has_areas(self, line: Mapping[str, Any]) -> bool:
+        """Whether cells name areas; where no heading says so, all do, or are codes of functions that read registers."""
+        if heading_bits(self.heading, "area"):
+            ways = (AREA_WORDS.__contains__, partial(meaning, "area"), partial(form, "codes"))
+            return self.share(line, lambda cell: any(way(cell.lower()) for way in ways))
+        are_codes = all(form("read_code", cell) for cell in self.cells) > self.counts
+        has_registers = not {*self.numbers}.isdisjoint((3, 4))
+        named = all(cell.lower() in AREA_NAMES or meaning("area", cell) for cell in self.cells)
+        return max(named, min(are_codes, has_registers))
 
 
 AREA_NAMES: Final = frozenset(word for word in AREA_WORDS if not word.isdecimal())
 _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = {
-    "like": TableColumn._like,
-    "some": TableColumn._some,
-    "rises": TableColumn._rises,
-    "counts": TableColumn._counts,
-    "differs": TableColumn._differs,
-    "varies": TableColumn._varies,
-    "filled": TableColumn._is_filled,
-    "type": TableColumn._types,
-    "area": TableColumn._areas,
+    "like": lambda column, line: column.share(line, expression(line["like"]).fullmatch),
+    "some": lambda column, line: any(map(expression(line["some"]).fullmatch, column.cells)),
+    "rises": lambda column, _: column.rises,
+    "counts": lambda column, _: column.counts,
+    "differs": lambda column, line: len({*column.cells}) >= line["differs"] * len(column.cells),
+    "varies": lambda column, _: len({*column.cells}) > 1,
+    "filled": lambda column, line: column.filled >= line["filled"],
+    "pairs": lambda column, _: column.rights != {} and {*column.cells} <= {*column.rights},
+    "tells": lambda column, line: column.share(line, lambda cell: line["fact"] in facts_in(cell, line["tells"])),
+    "type": lambda column, line: column.share(line, lambda cell: meaning("typed", cell.replace("_", " "))),
+    "area": TableColumn.has_areas,
 }
-
-
-@lru_cache(maxsize=8192)
-def plain_heading(cell: str) -> str:
-    """A heading in small letters without accents, its signs those of ASCII."""
-    return " ".join(_unaccented(cell.translate(WIDE_SIGNS).lower()).split()).strip(" :.")
+"""What the lines of a role's `cells` ask of a column."""
 
 
 def assigned(row: Sequence[str], below: Table) -> dict[str, int]:
@@ -199,11 +153,26 @@ def assignment(row: Sequence[str], below: Table) -> tuple[dict[str, int], float]
     bits = {(role, at): column.bits(role) for at, column in enumerate(columns) for role in roles()}
     for left in _LEFT_OUT:
         best = _assignment({pair: value for pair, value in bits.items() if pair[0] not in left})
+        if "address" in best and "length" not in best:
+            others = {*range(len(row))} - {best["address"]}
+            spans = {("length", at): _SPANS for at in others if _are_spans(sample, best["address"], at)}
+            bits |= {pair: bits[pair] + spanned for pair, spanned in spans.items()}
+            best = _assignment({pair: value for pair, value in bits.items() if pair[0] not in left}) if spans else best
         if best.keys() >= _NEEDED:
             weight = sum(bits[pair] for pair in best.items())
             best.pop("number", None)
             return best, weight
     return {}, 0.0
+
+
+def _are_spans(rows: Table, place: int, at: int) -> bool:
+    """Whether a column has so many registers each that the next address lies behind them, most often just there."""
+    cells = (pair for row in rows for pair in zip(row[place : place + 1], row[at : at + 1], strict=False))
+    known = [(numbers_in(where)[0], int(said)) for where, said in cells if numbers_in(where) and form("span", said)]
+    steps = [(after - before, count) for (before, count), (after, _) in pairwise(known) if after > before]
+    fitting, exact = sum(count <= step for step, count in steps), sum(count == step for step, count in steps)
+    are_several = len({count for _, count in known}) > 1 and len(known) > _FEW_SPANS
+    return are_several and 0 < len(steps) == fitting and 2 * exact >= len(steps)
 
 
 @lru_cache(maxsize=4096)
@@ -215,22 +184,35 @@ def roles_of_part(text: str) -> Sequence[str]:
 
 
 def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
+    """The roles of columns for which most bits speak together: the surest pairs first, then without those pairs in
+    whose stead others say more."""
+    may = {pair: value for pair, value in bits.items() if value >= _LEAST}
+    best = _surest_first(may)
+    for _ in range(_MOST_TURNS):
+        tried = [(_weight(_surest_first(may, pair), may), pair) for pair in best.items()]
+        weight, pair = max(tried, default=(0.0, ("", 0)))
+        if weight <= _weight(best, may):
+            break
+        del may[pair]
+        best = _surest_first(may)
+    return best
+
+
+def _surest_first(may: Mapping[tuple[str, int], float], without: tuple[str, int] = ("", 0)) -> dict[str, int]:
     found: dict[str, int] = {}
-    for role, at in sorted(bits, key=lambda pair: -bits[pair]):
-        if bits[role, at] >= _LEAST and role not in found and at not in found.values():
+    for role, at in sorted(may.keys() - {without}, key=lambda pair: (-may[pair], *pair)):
+        if role not in found and at not in found.values():
             found[role] = at
     return found
 
 
+def _weight(found: Mapping[str, int], bits: Mapping[tuple[str, int], float]) -> float:
+    return sum(bits[pair] for pair in found.items())
+
+
 def known_headings(row: Sequence[str]) -> int:
     """How many cells of a row are headings by all of them."""
-    return sum(map(_is_known, row))
-
-
-@lru_cache(maxsize=8192)
-def _is_known(cell: str) -> bool:
-    text = plain_heading(cell[:_HEADING])
-    return any(is_whole(text, role) for role in roles())
+    return sum(map(bool, map(roles_headed, map(plain_heading, row))))
 
 
 def is_heading(row: Sequence[str]) -> bool:
@@ -251,5 +233,5 @@ def heading_weight(row: Sequence[str], below: Table) -> float:
     """How surely a row of words that nobody knows is a heading, by what stands below it: addresses, names and more; 0
     where it is none."""
     columns, bits = assignment(row, below) if len(below) >= _LEAST_ROWS else ({}, 0.0)
-    tells = "type" in columns or len(columns) > _LEAST_TOLD
+    tells = not _TELLING.isdisjoint(columns) or len(columns) > _LEAST_TOLD
     return bits if tells and len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0

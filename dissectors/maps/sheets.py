@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import html
 import io
 import re
 import zipfile
@@ -13,11 +12,11 @@ from itertools import islice, takewhile
 from typing import Any, Final
 
 from .cells import one_line
-from .columns import LEAST_CELLS, cut_at_blanks, parts_of_line
+from .columns import LEAST_CELLS, cut_at_blanks, parts_of_line, without_page_marks
 from .model import MapError, MissingLibraryError
-from .roles import assigned, heading_bits, is_heading, known_headings, plain_heading
+from .roles import assigned, is_heading, known_headings
 from .table import csv_rows
-from .vocabulary import expression, form, tidied, vocabulary
+from .vocabulary import expression, form, heading_bits, plain_heading, tidied, vocabulary
 
 ZIP: Final = b"PK\x03\x04"
 _CELL: Final = 1000  # characters
@@ -46,9 +45,9 @@ class MapSheet:
     notes: tuple[str, ...] = ()
 
 
-def notes_of_cut(is_cut: bool, most: int, what: str) -> tuple[str, ...]:
-    """What is said where only so many of a file's rows or other parts are read."""
-    return (f"only the first {most:,} {what} were read",) * is_cut
+def notes_of_cut(count: int | None, most: int, what: str) -> tuple[str, ...]:
+    """What is said where a file has more rows or other parts than are read."""
+    return (f"only the first {most:,} {what} were read",) * ((count or 0) > most)
 
 
 def ways_in(data: bytes, text: str, name: str, most_rows: int) -> Iterator[list[MapSheet]]:
@@ -58,9 +57,9 @@ def ways_in(data: bytes, text: str, name: str, most_rows: int) -> Iterator[list[
         return
     for rows, length in tables_of_text(text, name, most_rows + 1):
         notes = (
-            *notes_of_cut(len(text) > length, length, "characters"),
-            *notes_of_cut(len(rows) > most_rows, most_rows, "rows"),
-            *notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns"),
+            *notes_of_cut(len(text), length, "characters"),
+            *notes_of_cut(len(rows), most_rows, "rows"),
+            *notes_of_cut(max(map(len, rows), default=0), _MOST_COLUMNS, "columns"),
         )
         yield [MapSheet("", [row[:_MOST_COLUMNS] for row in rows[:most_rows]], notes=notes)]
 
@@ -97,8 +96,8 @@ def _book(library: Any, data: bytes, *, whole: bool) -> tuple[Any, bool]:
 
 def _sheet(sheet: Any, most_rows: int, notes: tuple[str, ...], *, merged: bool) -> MapSheet:
     cut = (
-        *notes_of_cut((sheet.max_row or 0) > most_rows, most_rows, "rows"),
-        *notes_of_cut((sheet.max_column or 0) > _MOST_COLUMNS, _MOST_COLUMNS, "columns"),
+        *notes_of_cut(sheet.max_row, most_rows, "rows"),
+        *notes_of_cut(sheet.max_column, _MOST_COLUMNS, "columns"),
     )
     rows = _rows_of(sheet, most_rows, merged=merged)
     return MapSheet(sheet.title, rows, _hidden(sheet) if merged else frozenset(), (*notes, *cut))
@@ -169,11 +168,11 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[tuple[list[list[
         yield _laid_out(text, laid_out, most), len(text)
         if mark.start() < _START or text.lstrip().startswith("<"):
             return
-    start = text[:_TEXT].splitlines()[:most]
+    start = without_page_marks(expression("{LEADERS}").sub("   ", text[:_TEXT]).splitlines()[:most])
     head = shown[:_LOOK]
     sign = max("\t;,|", key="\n".join(head).count)
     signed = sum(line.count(sign) > 1 for line in head)
-    wide = sum(len(parts_of_line(line)) >= LEAST_CELLS for line in head)
+    wide = sum(len(parts_of_line(line)) >= LEAST_CELLS for line in start[:_LOOK])
     if wide >= max(_LEAST_WIDE, 2 * signed) or any(form("rule_above", line) for line in head):
         yield [*cut_at_blanks(start)], _TEXT
     if max(wide, signed) < _LEAST_WIDE:
@@ -185,6 +184,8 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[tuple[list[list[
 
 def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]]:
     """The rows of a text by the patterns of its layout: what parts rows and cells, and what is a mark in them."""
+    from html import unescape
+
     row, cell, mark, span = (expression(layout.get(part, "(?!)")) for part in ("row", "cell", "marks", "span"))
     line_break = expression(layout.get("break", "(?!)"))
     above: dict[int, int] = {}  # rows that a column still holds of a cell above
@@ -193,7 +194,7 @@ def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]
         shown: list[str] = []
         parts = [*islice(cell.finditer(line), _MOST_COLUMNS)]
         if not parts:  # a title
-            rows.append([html.unescape(mark.sub("", line_break.sub(" ", line))).strip()[:_CELL]])
+            rows.append([unescape(mark.sub("", line_break.sub(" ", line))).strip()[:_CELL]])
             continue
         for part in parts:
             _pass_spanned(shown, above)
@@ -201,9 +202,7 @@ def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]
             width = max(1, spans.get("colspan", 1)) if len(parts) > 1 else 1  # alone: a title
             columns = range(len(shown), min(len(shown) + width, _MOST_COLUMNS))
             above |= dict.fromkeys(columns, spans.get("rowspan", 1) - 1)
-            shown += [html.unescape(mark.sub("", line_break.sub("\n", part["cell"] or ""))).strip()[:_CELL]] * len(
-                columns
-            )
+            shown += [unescape(mark.sub("", line_break.sub("\n", part["cell"] or ""))).strip()[:_CELL]] * len(columns)
         _pass_spanned(shown, above)
         rows.append(shown)
     return rows

@@ -58,9 +58,7 @@ def read_table(text: str, file: str) -> RegisterMap:
         elif bare.strip(",;\t "):
             begin = number
             break
-    if begin == len(lines):
-        raise MapError(f"{file}: not a table: expected a row of column names (address, name, type ...)")
-    if lines[begin].lstrip()[:1] in ("{", "["):
+    if begin == len(lines) or lines[begin].lstrip()[:1] in ("{", "["):
         raise MapError(f"{file}: not a table: expected a row of column names (address, name, type ...)")
     delimiter = max(",;\t", key=lines[begin].count)
     numbered = ((begin + number, row) for number, row in csv_rows(lines[begin:], delimiter, file))

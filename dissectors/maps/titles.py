@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from .model import MapArea
-from .roles import Table
-from .vocabulary import expression, form
+from .roles import Table, column_cells
+from .vocabulary import expression, form, meaning, vocabulary
 from .written import access_said, area_words, numbers_in, order_of
 
 _FEW: Final = 2  # cells of a row that may be a footnote
 _LONGEST: Final = 400  # characters of one
+NUMBERINGS: Final = {"in_hex": " hex", "from_one": " 1-based", "in_protocol": " protocol address"}
+_CODED: Final = 0.5  # of the cells of a column are codes of which a sentence says what they stand for
 
 
 @dataclass(slots=True)
@@ -27,6 +29,8 @@ class Titles:
     group: str = ""
     tables: dict[str, str] = field(default_factory=dict)  # what sentences say of tables by their numbers
     blocks: dict[str, int] = field(default_factory=dict)  # where blocks of the same offsets begin, by their names
+    type: str = ""  # what a sentence says of the type of all values
+    base: int = 0  # from which offsets count
     footnotes: dict[str, str] = field(default_factory=dict)  # by their marks
 
     def take(self, title: str, *, is_group: bool) -> None:
@@ -46,7 +50,10 @@ class Titles:
         named = map(area_words, expression("[;.] ").split(title))
         area = next((one for one in named if one), None)  # the first
         self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
-        self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
+        bases = (numbers_in(form("based", part).get("base", "")) for part in expression("[,;.()]").split(title))
+        self.base = next((found[0] for found in bases if found), self.base)
+        self.type = next(filter(_says_type, sentences), self.type)
+        self.numbering += "".join(words for kind, words in NUMBERINGS.items() if form(kind, title))
         told = ((area_words(part), access_said(part)) for part in sentences)
         self.accesses |= {part: said for part, said in told if said}
         self.access = access_said(title) or self.access * (area in (None, self.area))
@@ -56,14 +63,15 @@ class Titles:
         """The cells without the marks of footnotes; what these say is a remark."""
         if not self.footnotes:
             return dict(cells)
-        bare = {}
-        said = cells.get("description", "")
-        for key, cell in cells.items():
-            marked = form("marked", cell)
-            known = self.footnotes.get(marked.get("mark", ""), "")
-            bare[key] = marked["rest"] if known else cell
-            said += f" {known}" * bool(known)
-        return bare | {"description": said.strip()}
+        marked = {key: form("marked", cell) for key, cell in cells.items()}
+        known = {key: self.footnotes.get(said.get("mark", ""), "") for key, said in marked.items()}
+        bare = {key: marked[key]["rest"] if known[key] else cell for key, cell in cells.items()}
+        return {**bare, "description": " ".join(filter(None, (cells.get("description", ""), *known.values())))}
+
+
+def _says_type(sentence: str) -> bool:
+    """Whether a sentence says of which type all values are."""
+    return bool(form("says_type", sentence) and meaning("typed", sentence))
 
 
 def texts_alone(rows: Table) -> list[str]:
@@ -74,6 +82,16 @@ def texts_alone(rows: Table) -> list[str]:
 def footnotes_in(texts: Sequence[str]) -> dict[str, str]:
     """What footnotes say, by their marks."""
     return {said["mark"]: said["text"] for said in (form("footnote", text) for text in texts) if said}
+
+
+def without_codes(rows: Table, texts: Sequence[str]) -> Table:
+    """The rows, in columns of codes with what sentences say that these stand for: `FIX1 = factor 0.1`."""
+    found = [said for text in texts for said in expression(vocabulary()["legend"]).finditer(text)]
+    legend = {said["mark"]: said["text"] for said in found}
+    tables = [row for row in rows if len(row) > _FEW] * (legend != {})
+    columns = [column_cells(tables, at) for at in range(max(map(len, tables), default=0))]
+    coded = {at for at, cells in enumerate(columns) if sum(cell in legend for cell in cells) > _CODED * len(cells)}
+    return [[legend.get(cell, cell) if at in coded else cell for at, cell in enumerate(row)] for row in rows]
 
 
 def _group(text: str) -> str:

@@ -7,14 +7,14 @@ wherever they stand in it: what is held, of how many bits, with a sign or withou
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final, cast
 
 from .cells import CellError, area_of
 from .model import MapArea
-from .vocabulary import WIDE_SIGNS, expression, form, is_narrow, meaning, tidied, vocabulary
+from .vocabulary import WIDE_SIGNS, expression, form, meaning, meet, tidied, vocabulary
 
 _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
@@ -22,9 +22,10 @@ _NUMBER: Final = re.compile(
 _PARTS: Final = re.compile(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*")
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
+_LONGEST: Final = 1000  # characters of a title
 _READING: Final = frozenset({1, 2, 3, 4})
 _READING_ONLY: Final = frozenset({2, 4})  # of areas that nobody can write
-_SIGNS: Final = str.maketrans("\u2212⁻,×*⁰¹²³⁴⁵⁶⁷⁸⁹", "--.xx0123456789")
+
 _LONGER: Final = {("f32", 4): "f64", ("bcd16", 2): "bcd32"}
 
 
@@ -62,10 +63,13 @@ class TableAddress:
     bit: str = ""
     prefixed: bool = False
 
+    def moved(self, base: int) -> TableAddress:
+        """The address that lies so far behind a base."""
+        return replace(self, first=self.first + base, text=str(self.first + base)) if base else self
+
 
 def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
-    """The form of a column: by its heading, and by what all of its cells are. Logical numbers begin near the first of
-    their area; what is all far from it (33057) is an address as it stands, unless its heading calls it a number."""
+    """The form of a column: by its heading, and by what all of its cells are."""
     cells = list(filter(None, map(together, cells)))
     parts = [part for cell in cells for part in _PARTS.split(cell)]
     bare = [part for part in parts if form("bare_hex", part)]
@@ -74,18 +78,25 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     is_hex = is_said or (bool(letters) and len(bare) > 0.8 * len(parts))
     numbers = list(filter(str.isdecimal, parts))
     bits = [int(behind["bit"]) for cell in cells if (behind := form("bit_behind", cell))]
-    is_near = bool(form("numbered", heading.lower())) or _any_like(r"[34]0?0[0-4]\d\d", numbers)
-    is_plain = (not is_near and _any_like(r"[34]\d{4}", numbers)) or _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
     return AddressForm(
         is_hex,
         is_said,
         has_bits=any(bits),
         is_logical=_any_like(r"[34].*", numbers) and _all_like(r"[0134]\d{4,5}", numbers),
-        is_plain=is_plain,
+        is_plain=_is_plain(heading, numbers),
         has_prefixes=_any_like(r"[134][xX]\d+", parts),
         is_digital=_all_like(r"[01](?!0000)\d{4}", numbers),
         base=int(bool(form("from_one", heading)) and not _any_like(r"(0x)?0+h?", parts)),
     )
+
+
+def _is_plain(heading: str, numbers: Sequence[str]) -> bool:
+    """Whether numbers are addresses as they stand. Logical numbers begin near the first of their area; what is all far
+    from it (33057) is none, unless its heading calls it a number, nor is what a sentence calls an address of the
+    protocol."""
+    is_near = bool(form("numbered", heading.lower())) or _any_like(r"[34]0?0[0-4]\d\d", numbers)
+    is_said = bool(form("in_protocol", heading)) and not _any_like(r"[34]0?0001", numbers)
+    return is_said or _any_like(r"[34]0{4}|[256789]\d{4}" + r"|[34]\d{4}" * (not is_near), numbers)
 
 
 def _all_like(pattern: str, texts: Sequence[str]) -> bool:
@@ -103,7 +114,7 @@ def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     behind = form("bit_behind", cell * form_of.has_bits)
     cell, bit = tidied("place", behind.get("place", cell)), behind.get("bit", "")
     if form_of.is_hex:
-        cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)
+        cell = expression(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])").sub(r"0x\1", cell)
     numbers = _NUMBER.findall(cell)
     if not numbers:
         return None
@@ -193,7 +204,8 @@ def area_words(text: str) -> MapArea | None:
 @lru_cache(maxsize=1024)
 def functions_in(text: str) -> Sequence[int]:
     """The functions that a text names and that read or write data."""
-    named = expression(vocabulary()["functions"], narrow=is_narrow(text)).finditer(text)
+    meet(text)
+    named = expression(vocabulary()["functions"]).finditer(text[:_LONGEST])
     parts = (part for said in named for part in _NUMBER.findall(said["behind"] or said["before"]))
     return [code for code in map(_whole, parts) if code in _FUNCTIONS]
 
@@ -220,7 +232,7 @@ def values_of(text: str) -> str | None:
 def has_only_states(text: str) -> bool:
     """Whether a remark is a list of states: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
     text = text.translate(WIDE_SIGNS)
-    parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text))))
+    parts = list(filter(None, map(str.strip, expression(r"[;,\n|]").split(text))))
     states = [form("listed_state", part).get("state", "") for part in parts]
     return (len(states) > 1 and _all_like(r"\d+", states)) or form("listed_states", text) != {}
 
@@ -245,66 +257,3 @@ def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str 
     )
     named = ((called, values_of(text)) for called, text, is_list in ways if is_list)
     return next((way for way in named if way[1]), (name, None))
-
-
-@lru_cache(maxsize=4096)
-def _told(at: int, text: str) -> Mapping[str, str]:
-    """What a text tells by a line of the table of facts; `rest` is what it says else."""
-    line = vocabulary()["facts"][at]
-    text = _put_right(line.get("tidy", ""), text.translate(WIDE_SIGNS))
-    match = expression(line["like"], narrow=is_narrow(text)).fullmatch(text)
-    if match is None:
-        return {}
-    parts = {**_NOTHING_TOLD, **match.groupdict(""), **line.get("gives", {})}
-    tens = len(parts.get("digits", "")) + int(parts.get("places") or 0)
-    over = parts.get("times") or f"1{'0' * tens}" * (tens > 0)
-    step = parts.get("step") or "1" * (over != "")
-    power = f"1e{parts['power']}" if parts.get("power") else ""
-    return {**parts, "scale": power or "/".join(filter(None, (step, over))).replace(",", ".")}
-
-
-def _put_right(kind: str, text: str) -> str:
-    """A text as numbers of its kind are read: of factors, or with a sign."""
-    if kind == "scale":
-        return tidied("scale", text.lower().replace(",", ".")).translate(_SIGNS)
-    return together(text).replace("\u2212", "-").replace("- ", "-") if kind else text
-
-
-def facts_of(cells: Mapping[str, str], flags: Collection[str]) -> tuple[dict[str, str], dict[str, str]]:
-    """What the cells of a row tell, each from the first place that has it, and the cells without what they told.
-
-    Told are `scale`, `unit`, `low`, `high`, `added`, `sign` and `access`; lines that need a flag count where it is set.
-    """
-    left, told = dict(cells), dict.fromkeys(_TOLD, "")
-    lines = vocabulary()["facts"]
-    for at in _facts_by_cell(frozenset(key for key, cell in cells.items() if cell), frozenset(flags)):
-        of = lines[at]["of"]
-        said = _told(at, left[of])
-        new = {key: said[key] for key in _TOLD if said.get(key, "") > told[key] == ""}
-        if new:
-            told |= new
-            left[of] = said.get("rest", left[of])
-    low, high = (float(told[key].replace(",", ".") or number) for key, number in (("low", "-inf"), ("high", "inf")))
-    return {**told, **({} if low <= high else {"low": "", "high": ""})}, left
-
-
-def scaled_by(points: Sequence[str]) -> dict[str, str]:
-    """Scale and offset of a line through two points: the least and the greatest raw number, and what they stand for."""
-    numbers = [float(point.replace(",", ".")) for point in points if expression("{DECIMAL}").fullmatch(point)]
-    run = numbers[1] - numbers[0] if len(numbers) == len(points) else 0.0
-    if not run:
-        return {}
-    factor = (numbers[3] - numbers[2]) / run
-    return {"scale": f"{factor:.10g}", "added": f"{numbers[2] - factor * numbers[0]:.10g}"}
-
-
-_NOTHING_TOLD: Final = dict.fromkeys(("unit", "low", "high", "added", "sign", "access"), "")
-_TOLD: Final = ("scale", "unit", "low", "high", "added", "sign", "access")
-
-
-@lru_cache(maxsize=1024)
-def _facts_by_cell(filled: frozenset[str], flags: frozenset[str]) -> Sequence[int]:
-    """The lines of facts about cells that there are."""
-    return [
-        at for at, line in enumerate(vocabulary()["facts"]) if line["of"] in filled and {*line.get("when", ())} <= flags
-    ]

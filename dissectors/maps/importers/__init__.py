@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NoReturn
 
 from ..headings import HEADING_ROWS
 from ..model import MapError
-from .general import READERS, Reader, facts_of_all
+from .general import COHERENT, READERS, Reader, coherence, facts_of_all
 from .programs import Program
 from .source import ImportedMap, MapSource
 
@@ -31,12 +31,11 @@ _OF_PROGRAMS: Final = (
     "evcc",
     "modpoll",
     "iobroker",
-    "own",
 )
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
 _ENOUGH: Final = {"lines": 2.9}  # facts of a row with which a format is not asked
 _FEW: Final = 4  # rows that are enough to say so
-FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
+FORMATS: Final = (*_OF_PROGRAMS, "own", *_GENERAL)
 
 
 def map_format(name: str) -> Program | Reader:
@@ -49,28 +48,64 @@ def map_format(name: str) -> Program | Reader:
 def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[ImportedMap]:
     """The maps in a file, its format found by content or given by name; MapError says why there are none."""
     source = MapSource(file, data)
-    for candidates in ((name,),) if name is not None else (*((one,) for one in _OF_PROGRAMS), _GENERAL):
-        ways = [*_ways(source, candidates)]
-        if not ways:
-            continue
-        said, read = max(ways, key=lambda way: facts_of_all(way[1]))  # of as many, the first
-        filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
-        if filled:
-            return filled
-        why = next((f": {one.notes[0]}" for one in read if one.notes), "")
-        raise MapError(f"{file}: read as {said}, but it has no registers{why}")
     if name is not None:
-        raise MapError(f"{file}: is not {map_format(name).NAME}")
-    if source.problem:
-        raise MapError(f"{file}: {source.problem}")
-    if source.included:
+        return _read(source, (name,)) or _raised(f"{file}: is not {map_format(name).NAME}")
+    for program in _OF_PROGRAMS:
+        found = _read(source, (program,))
+        if found:
+            return found
+    try:
+        own = _read(source, ("own",))
+    except MapError as error:
+        return _read_otherwise(source, error)
+    return own or _coherent(source, _read(source, _GENERAL)) or _raised(_why_none(source))
+
+
+def _coherent(source: MapSource, found: list[ImportedMap]) -> list[ImportedMap]:
+    """The maps, if they hang together as such."""
+    if found and coherence(found, source.text) < COHERENT:
         raise MapError(
-            f"{file}: it has no registers itself, only the files it includes do: give {', '.join(source.included)}"
+            f"{source.name}: reads as prose: the numbers beside its words do not form a register map; "
+            f"--input-format {_GENERAL[-1]} reads them nevertheless"
         )
-    raise MapError(
-        f"{file}: not a known register map: a table needs a heading row such as address, name, type in its first "
-        f"{HEADING_ROWS} rows; --input-format chooses one of {', '.join(FORMATS)}"
+    return found
+
+
+def _read_otherwise(source: MapSource, not_own: MapError) -> list[ImportedMap]:
+    """What looks like our own form as another; it is said why it is none."""
+    try:
+        found = _read(source, _GENERAL)
+    except MapError:
+        found = []
+    told = f"not a map of our own form: {not_own}"
+    return [replace(one, notes=(*one.notes, told)) for one in found] or _raised(not_own)
+
+
+def _raised(why: str | MapError) -> NoReturn:
+    raise MapError(why) if isinstance(why, str) else why
+
+
+def _read(source: MapSource, candidates: Sequence[str]) -> list[ImportedMap]:
+    """The maps in a file by the one of these formats that tells most; none where it is of none of them."""
+    ways = [*_ways(source, candidates)]
+    said, read = max(ways, key=lambda way: facts_of_all(way[1]), default=("", []))  # of as many, the first
+    filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
+    if ways and not filled:
+        why = next((f": {one.notes[0]}" for one in read if one.notes), "")
+        raise MapError(f"{source.name}: read as {said}, but it has no registers{why}")
+    return filled
+
+
+def _why_none(source: MapSource) -> str:
+    """Why a file has no map that any format reads."""
+    included = f"it has no registers itself, only the files it includes do: give {', '.join(source.included)}"
+    reasons = (
+        source.problem,
+        included * bool(source.included),
+        "not a known register map: a table needs a heading row such as address, name, type in its first "
+        f"{HEADING_ROWS} rows; --input-format chooses one of {', '.join(FORMATS)}",
     )
+    return f"{source.name}: {next(filter(None, reasons))}"
 
 
 def _ways(source: MapSource, candidates: Sequence[str]) -> Iterator[tuple[str, list[ImportedMap]]]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 from ..cells import COLUMN_NAMES
 from ..headings import HEADING_ROWS, has_heading
 from ..lines import line_sheets
-from ..model import MapError
+from ..model import MapError, MappedValue
 from ..records import record_sheets
 from ..sheets import MapSheet, ways_in
 from ..table import read_table
@@ -21,6 +22,10 @@ from .tables import chart_of
 _MOST_ROWS: Final = 30_000  # of a table
 _MOST_LINES: Final = 20_000
 _OWN_COLUMNS: Final = {"address", "name", "area", "type"}
+COHERENT: Final = 5.0  # marks of maps: 5.9 and more; of pages of prose: 4.5 and less
+_COVERED, _SHORT, _TOLD, _RISING, _DISTINCT = 6.0, 2.0, 1.5, 1.0, 1.0  # weights
+_WORDS: Final = 4  # of a short name
+_LETTERS: Final = 40
 Charts = list[ImportedMap]
 
 
@@ -40,8 +45,8 @@ def _own(source: MapSource) -> Charts | None:
 
 
 def _records(source: MapSource) -> Charts | None:
-    """One map of the first records that are some: keys are read as headings are."""
-    return next(filter(None, _charts(source, record_sheets(source))), None)
+    """One map of records, read in the way that tells most: keys are read as headings are."""
+    return _best(_charts(source, record_sheets(source)))
 
 
 def _lines(source: MapSource) -> Charts | None:
@@ -86,6 +91,31 @@ def _charts_of(source: MapSource, sheets: Sequence[MapSheet]) -> Charts:
     notes = dict.fromkeys(note for part in found for note in part.notes)
     told = f"{len(found)} sheets, an area each, were taken for one device"
     return [ImportedMap(replace(found[0].chart, device=source.stem, rows=rows), (told, *notes))]
+
+
+def coherence(charts: Sequence[ImportedMap], text: str) -> float:
+    """How well what was read of a text hangs together as a map: prose has numbers beside words, too. Each mark is a
+    share, from 0 to 1, with its weight; registers have most of them, numbers in prose have few."""
+    rows = [row for one in charts for row in one.chart.rows]
+    lines = len({*filter(None, map(str.strip, text.splitlines()))})
+    places = [(row.area, row.address) for row in rows]
+    steps = [after > before for before, after in pairwise(places) if before[0] == after[0]]
+    return (
+        _COVERED * min(1.0, len(rows) / max(1, lines))
+        + _SHORT * _share([len(row.name.split()) <= _WORDS and len(row.name) <= _LETTERS for row in rows])
+        + _TOLD * _share([_tells(row) for row in rows])
+        + _RISING * _share(steps)
+        + _DISTINCT * len({*places}) / max(1, len(rows))
+    )
+
+
+def _tells(row: MappedValue) -> bool:
+    """Whether a value has more than its name: a unit, a scale, a type, states."""
+    return any((row.unit, row.scale != 1, row.type != "u16", row.values))
+
+
+def _share(marks: Sequence[bool]) -> float:
+    return sum(marks) / max(1, len(marks))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,15 +13,16 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.resources import files as package_files
 from itertools import islice
 from typing import Any, Final, cast
 
-from ..cells import CellError, area_and_address
+from ..cells import CellError, area_and_address, fraction
 from ..model import VALUE_TYPES
 from ..records import parts_of
-from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
+from .source import ImportedMap, MapBuilder, MapSource, count_in, mappings, scaled, whole_in
 from .steps import Record, said, step_named, value_at
 
 _TABLES: Final = {"area": "areas", "type": "types", "order": "orders", "access": "rights"}  # of words
@@ -116,8 +117,8 @@ class _ProgramRow:
         """What a column is out of the record."""
         return said(self.record, self.data["fields"].get(what, ()))
 
-    def whole(self, what: str) -> int | None:
-        return whole_in(self.said(what))
+    def count(self, what: str, usual: int = 0) -> int:
+        return count_in(self.said(what), usual)
 
     def meant(self, what: str) -> tuple[str | None, str]:
         """What the program's word for a column means, the first that is known; and the first that there is."""
@@ -170,24 +171,24 @@ class _ProgramRow:
 
     def _address(self, area: str | None) -> int | None:
         """The address, by what it is counted from, and octets behind it as registers."""
-        address = self.whole("address")
-        behind, half = divmod((self.whole("octets_behind") or 0) * (area not in _BITS), 2)
+        address = whole_in(self.said("address"))
+        behind, half = divmod(self.count("octets_behind") * (area not in _BITS), 2)
         if half:
             self.note(f"an offset of {2 * behind + half} octets begins within a register")
-        return None if address is None else address + (self.whole("shift") or 0) + behind
+        return None if address is None else address + self.count("shift") + behind
 
     def _add(self, area: str, address: int, kind: str) -> None:
         """What stands at an address: some bits of it, or a value, or several side by side."""
-        mask = self.whole("mask") or 0
-        own_bit = {0: self.whole("bit"), 1: mask.bit_length() - 1}.get(mask.bit_count())
+        mask = self.count("mask")
+        own_bit = {0: whole_in(self.said("bit")), 1: mask.bit_length() - 1}.get(mask.bit_count())
         bits = [bit for bit in (own_bit, *[0] * (kind == "bit")) if bit is not None and kind != "bool"]
         if mask.bit_count() > 1:
             self.note(f"bitmask {mask:#x} is not carried")
         if bits:
-            self.builder.add_bits(area, address, bits[0], self.whole("width") or 1, self.name)
+            self.builder.add_bits(area, address, bits[0], self.count("width", 1), self.name)
             return
         cells = self._cells(area, kind)
-        copies = min(self.whole("copies") or 0, _MOST_COPIES)
+        copies = min(self.count("copies"), _MOST_COPIES)
         for turn in range(copies + 1):
             cells["name"] = f"{self.name} {turn + 1}" if copies > 0 else self.name
             self.builder.add(
@@ -219,7 +220,7 @@ class _ProgramRow:
 
     def _length(self) -> int:
         """Registers, by the octets or the last address that a record tells; 0 where it tells neither."""
-        octets, last, address = (self.whole(what) or 0 for what in ("octets", "last", "address"))
+        octets, last, address = (self.count(what) for what in ("octets", "last", "address"))
         return -(-octets // 2) or max(0, last - address + 1) * (last > 0)
 
     def _factor(self) -> dict[str, object]:
@@ -229,14 +230,12 @@ class _ProgramRow:
         return scaled(scale, (self._number("offset") or 0.0) * (raw or 1.0))
 
     def _number(self, what: str) -> float | None:
+        """A number of the record; it is told where one is not known."""
         value = self.said(what)
-        if value in (None, ""):
-            return None
-        number = number_in({"": value}, "", float("nan"))
-        if number != number:
-            self.note(f"{what} {value!r} is not known")
-            return None
-        return number
+        with suppress(CellError):
+            return None if value in (None, "") else fraction(what, value)
+        self.note(f"{what} {value!r} is not known")
+        return None
 
 
 def states_of(values: Any) -> dict[int, str]:

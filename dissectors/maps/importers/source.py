@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import configparser
 import json
 import re
 import tomllib
@@ -20,13 +19,14 @@ from ..model import MapError, MappedValue, RegisterMap
 from ..records import json_lines
 from ..sheets import ZIP, notes_of_cut
 from ..table import csv_rows
-from ..vocabulary import form
+from ..vocabulary import expression, form, meet
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
 _MOST_LINES: Final = 40_000  # of the CSV of a program
 _MOST_CELLS: Final = 100  # of a row
 _MOST_UNNAMED: Final = 1 << 18  # characters of a text that is read as what its name does not say
+_MOST_MET: Final = 1 << 17  # characters whose words are looked up at once
 _LOOK: Final = 60  # lines that tell how a text is cut
 _MOST_TWINS: Final = 64
 _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
@@ -36,6 +36,10 @@ _TEMPLATE_REMARK: Final = re.compile(r"^([ ]*)(address: *\S+)\s+#\s*(\S.*)$")
 _TOP_KEY: Final = re.compile(r"^(\w+):", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
 _DEEPEST: Final = 40  # elements in elements
+_MAIL: Final = re.compile(rb"(?:[A-Z][A-Za-z-]{1,30}: [^\n]{0,400}\n(?:[ \t][^\n]{0,400}\n)*){2}")
+_MAIL_HEAD: Final = 4096  # bytes
+_ENCODED: Final = (b"content-transfer-encoding:", b"multipart/")
+_FEW_QUOTED: Final = 3  # lines
 _KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
 _WAYS: Final = {  # in which a tree is read, by the suffix of its file and by its first sign
     **dict.fromkeys((".yaml", ".yml"), ("yaml",)),
@@ -55,9 +59,16 @@ class ImportedMap:
 
     @property
     def facts(self) -> int:
-        """How much it tells: of each row the name, and what it says beside; nothing where signs were left before it."""
-        rows = [row for row in self.chart.rows if row.name[0].isalnum()]
-        return sum(1 + bool(row.unit) + bool(row.access) + (row.scale != 1) + (row.type != "u16") for row in rows)
+        """How much it tells: of each row the name, and what it says beside; nothing where signs of a source or of a
+        layout were left in it."""
+        return sum(map(_facts_of, self.chart.rows))
+
+
+def _facts_of(row: MappedValue) -> int:
+    """What a row tells: nothing without a name of its own."""
+    is_named = form("clean", row.name) != {} == form("nameless", row.name)
+    told = (form("clean", row.unit), row.access, row.scale != 1, row.type != "u16")
+    return is_named * (1 + sum(map(bool, told)))
 
 
 class MapSource:
@@ -97,14 +108,12 @@ class MapSource:
     def template(self) -> Any:
         """The YAML that a template renders: what fills it in is left out, remarks behind addresses are a key, and keys
         that stand there again have a number."""
-        from ..yamlform import load_yaml
-
         text = self.yaml.get("render") if isinstance(self.yaml, Mapping) else None
         lines = [line for line in str(text or "").splitlines() if "{{" not in line]
         bare = "\n".join(_TEMPLATE_REMARK.sub(r"\1\2\n\1remark: \3", line) for line in lines)
         numbers = count()
         with suppress(ValueError):
-            return load_yaml(_TOP_KEY.sub(lambda key: f"{key[1]}.{next(numbers)}:", bare), lenient=True)
+            return _yaml_of(_TOP_KEY.sub(lambda key: f"{key[1]}.{next(numbers)}:", bare)) if lines else None
 
     @cached_property
     def lines(self) -> Any:
@@ -124,7 +133,7 @@ class MapSource:
         delimiter = max("\t;,", key="\n".join(lines[:_LOOK]).count)
         with suppress(MapError):
             for number, cells in csv_rows(lines, delimiter, self.name):
-                self._cut = notes_of_cut(number > _MOST_LINES, _MOST_LINES, "rows")
+                self._cut = notes_of_cut(number, _MOST_LINES, "rows")
                 if self._cut:
                     break
                 shown = [cell.strip() for cell in cells[:_MOST_CELLS]]
@@ -151,6 +160,8 @@ class MapSource:
     @cached_property
     def ini(self) -> Any:
         """The sections of an INI file, by their names."""
+        import configparser
+
         parser = configparser.RawConfigParser(strict=False)
         parser.optionxform = str  # type: ignore[assignment, method-assign]
         try:
@@ -161,7 +172,12 @@ class MapSource:
 
     @cached_property
     def text(self) -> str:
-        return decoded(self.data) or ""
+        """The text: of a mail what its parts hold, without the marks before lines that answer another."""
+        text = _mail(self.data) or decoded(self.data) or ""
+        bare, quoted = expression("{QUOTED}").subn("", text)
+        text = bare if quoted >= _FEW_QUOTED else text
+        meet(text[:_MOST_MET])
+        return text
 
     @cached_property
     def json(self) -> Any:
@@ -178,14 +194,14 @@ class MapSource:
         return None
 
     def _may_be(self, kind: str, sign: str) -> bool:
-        """Whether to read the text as what its name says, or a short one as anything that it has the sign of."""
-        is_named = _KINDS.get(self.suffix) == kind or len(self.text) < _MOST_UNNAMED
-        return is_named and sign in self.text
+        """Whether to read the text as what its name says, or a short one as anything that it has the lines of."""
+        has_lines = len(self.text) < _MOST_UNNAMED and expression(sign).search(self.text)
+        return _KINDS.get(self.suffix) == kind or bool(has_lines)
 
     @cached_property
     def toml(self) -> Any:
         try:
-            return tomllib.loads(self.text) if self._may_be("TOML", "=") else None
+            return tomllib.loads(self.text) if self._may_be("TOML", "{TOML}") else None
         except ValueError as error:
             self._problems["TOML"] = one_line(error)[:200]
         except RecursionError:
@@ -197,15 +213,33 @@ class MapSource:
         """The YAML content; tags that a program defines for itself stand for their plain values."""
         if self.json is not None:  # which is YAML, too
             return self.json
-        if not self._may_be("YAML", ":"):
+        if not self._may_be("YAML", "{YAML}"):
             return None
-        from ..yamlform import load_yaml
-
         try:
-            return load_yaml(self.text, lenient=True)
+            return _yaml_of(self.text)
         except ValueError as error:
             self._problems["YAML"] = one_line(error)[:200]
             return None
+
+
+def _yaml_of(text: str) -> Any:
+    from ..yamlform import load_yaml
+
+    return load_yaml(text, lenient=True)
+
+
+def _mail(data: bytes) -> str:
+    """The text of a mail that is written in other signs or has parts, of several forms of one the plain; nothing of
+    another file, or of one that is damaged."""
+    head = data[:_MAIL_HEAD].lower()
+    if _MAIL.match(data) and any(sign in head for sign in _ENCODED):
+        import email
+        from email.policy import default
+
+        with suppress(LookupError, ValueError):
+            message = email.message_from_bytes(data, policy=default)
+            return "".join(str(body.get_content()) for body in [message.get_body(("plain", "html"))] if body)
+    return ""
 
 
 def _elements(element: Any, depth: int) -> Any:
@@ -346,21 +380,17 @@ def scaled(scale: float, offset: float = 0.0) -> dict[str, object]:
     return {"scale": f"{scale:.10g}", "offset": f"{offset:.10g}" if offset else None}
 
 
-def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
-    """A number of a mapping, also one with a decimal comma; the default where there is none."""
-    value = mapping.get(key, default)
-    try:
-        return float(value.replace(",", ".") if isinstance(value, str) else value)
-    except (TypeError, ValueError, OverflowError):
-        return default
-
-
 def whole_in(value: object) -> int | None:
     """A whole number, decimal or hex, None where it is none."""
     try:
         return whole_number("address", value)
     except CellError:
         return None
+
+
+def count_in(value: object, usual: int = 0) -> int:
+    """A whole number other than 0; the usual one where there is none."""
+    return whole_in(value) or usual
 
 
 def mappings(content: object) -> Iterable[Mapping[str, Any]]:

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from ..vocabulary import expression
-from .source import MapSource, mappings, whole_in
+from .source import MapSource, count_in, mappings, whole_in
 
 Record = dict[str, Any]
 Step = Callable[[MapSource, Iterator[Record], Mapping[str, Any]], Iterator[Record]]
@@ -32,35 +32,16 @@ def said(record: Mapping[str, Any], keys: Sequence[str]) -> Any:
 
 def value_at(record: Mapping[str, Any], key: str) -> Any:
     """What a key leads to: one of the record, `a.b` in another (or in a list), `a+b` both as a text, `=x` x itself."""
-    way = next((way for sign, way in _WAYS.items() if sign in key), _nothing)
-    return record[key] if key in record else way(record, key)
-
-
-def _nothing(_: Mapping[str, Any], __: str) -> None:
-    return None
-
-
-def _joined(record: Mapping[str, Any], key: str) -> str | None:
-    parts = [value_at(record, part) for part in key.split("+")]
-    return None if None in parts else " ".join(map(_flat, parts))
-
-
-def _itself(_: Mapping[str, Any], key: str) -> str:
-    return key[1:]
-
-
-def _within_another(record: Mapping[str, Any], key: str) -> Any:
+    first, sign, rest = key.partition("+")
+    if key in record or key.startswith("="):
+        return record.get(key, key[1:])
+    if sign:
+        parts = [value_at(record, first), value_at(record, rest)]
+        return None if None in parts else " ".join(map(_flat, parts))
     first, _, rest = key.partition(".")
     inner = record.get(first)
-    known = dict(zip(map(str, range(len(inner))), inner, strict=True)) if isinstance(inner, list) else inner
+    known = {str(at): one for at, one in enumerate(inner)} if isinstance(inner, list) else inner
     return known.get(rest) if isinstance(known, Mapping) else None
-
-
-_WAYS: Final[Mapping[str, Callable[[Mapping[str, Any], str], Any]]] = {
-    "+": _joined,
-    "=": _itself,
-    ".": _within_another,
-}
 
 
 def _flat(value: Any) -> str:
@@ -204,7 +185,7 @@ def _aliases(source: MapSource, records: Iterator[Record], step: Mapping[str, An
 
 def _spot(record: Record, key: str, named: str | None) -> Record:
     """Area and address of a logical number; nothing where it is none of its area."""
-    number, near = (whole_in(record.get(one)) or 0 for one in (key, "start"))
+    number, near = (count_in(record.get(one)) for one in (key, "start"))
     fits = (
         {"area": area, "place": number - first}
         for area, firsts in _FIRSTS.items()
@@ -248,7 +229,7 @@ def _within(source: MapSource, records: Iterator[Record], step: Mapping[str, Any
             for part in mappings(record.get("consists_of")) or [record]:
                 yield {**record, **part, "name": f"{prefix}{part.get('name') or ''}", "shift": shift}
             return
-        further = shift + (whole_in(record.get("shift")) or 0)
+        further = shift + count_in(record.get("shift"))
         above = {key: value for key, value in record.items() if key[:1] == "^"}
         for one, _ in zip(mappings(inner.get("channels")), left, strict=False):
             yield from parts_of({**above, **one}, f"{prefix}{record.get('name')} ", further)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from .source import ImportedMap, MapSource, mappings, whole_in
+from .source import ImportedMap, MapSource, count_in, mappings, whole_in
 
 _BASES: Final = {1: 40002}
 _AFTER_COMMON: Final = 40070
@@ -21,7 +21,7 @@ _DEEPEST: Final = 500  # characters of the names of groups in groups
 
 def adapted(source: MapSource, records: Iterator[dict[str, Any]], _: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """The points of the model at its usual address."""
-    number = whole_in(source.json["id"]) or 0
+    number = count_in(source.json["id"])
     own = whole_in(source.json.get("base"))
     base = _BASES.get(number, _AFTER_COMMON) if own is None else own
     words = [f"placed at {base}: the device's SunS chain gives the actual address"] * (own is None)

@@ -8,45 +8,40 @@ stand unless all of them are logical (40001 on): which base a manual counts from
 from __future__ import annotations
 
 from bisect import bisect, bisect_left
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import accumulate, compress, islice, zip_longest
+from itertools import accumulate, islice, zip_longest
 from typing import Final
 
 from ..cells import CellError, area_and_address
-from ..headings import has_heading, headed, headings_in, is_rule, is_value, of_values
-from ..lines import cells_told
-from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
-from ..roles import (
-    WHOLE,
-    Table,
-    TableColumn,
-    assigned,
-    assignment,
-    column_cells,
-    heading_bits,
-    known_headings,
-    plain_heading,
+from ..facts import facts_of, scaled_by
+from ..headings import (
+    TableHeading,
+    has_heading,
+    headed,
+    heading_of,
+    headings_in,
+    is_rule,
+    is_value,
+    of_values,
+    without_width,
 )
+from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
+from ..roles import Table, assigned, assignment, known_headings
 from ..sheets import MapSheet, column_name, notes_of_cut
-from ..titles import Titles, footnotes_in, texts_alone
-from ..vocabulary import WIDE_SIGNS, expression, form, given, meaning
+from ..titles import Titles, footnotes_in, texts_alone, without_codes
+from ..vocabulary import WIDE_SIGNS, expression, form, given, meaning, meet, plain_heading
 from ..written import (
     AddressForm,
     TableAddress,
     access_of,
     access_said,
-    address_form,
     address_of,
     area_of_cell,
     area_words,
     bits_of,
-    facts_of,
     has_only_states,
     numbers_in,
     order_of,
-    scaled_by,
     states_in,
     type_of,
 )
@@ -58,34 +53,17 @@ _FEW: Final = 2  # cells of a row that may be a footnote
 _MOST_HEADINGS: Final = 100  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
 _OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
-_LEAST_NAMES: Final = 3  # that tell whether names end in units
-_LOGICAL: Final = 10_000  # by which logical numbers of areas differ
 _MOST_BLOCKS: Final = 16  # that have the same offsets
 _AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
-_PATIENCE: Final = 2000  # rows that are read whatever comes of them
-_YIELD: Final = 4  # more for each value
+_MOST_MET: Final = 500  # rows whose words are looked up at once
 _SCALED: Final = ("raw_low", "raw_high", "scaled_low", "scaled_high")
 Cells = dict[str, str]
 
 
 def chart_of(source: MapSource, sheet: MapSheet, device: str = "") -> ImportedMap | None:
     """The map of one sheet, of the file's name and `device`; None where it has no heading."""
+    meet("\n".join(" ".join(row) for row in sheet.rows[:_MOST_MET]))
     return _TableRows(source, sheet, device).chart()
-
-
-@dataclass(slots=True)
-class _TableHeading:
-    """What the columns of a table hold, by a row of headings and the rows below it."""
-
-    columns: dict[str, int] = field(default_factory=dict)
-    form: AddressForm = field(default_factory=AddressForm)
-    addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
-    of_functions: bool = False  # areas are the codes of functions
-    of_words: bool = False  # inputs that are registers are called so
-    order: str = ""  # what the heading of the orders says of them: that they are of words
-    has_units_behind: bool = False  # names end in their units
-    has_parts: bool = False  # names have their types behind them
-    others: Mapping[str, int] = field(default_factory=dict)  # columns of more addresses, by what tells them apart
 
 
 class _TableRows:
@@ -98,19 +76,21 @@ class _TableRows:
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
-        alone = texts_alone(self.rows)
+        self.headings = [*islice(headings_in(self.rows), _MOST_HEADINGS + 1), len(self.rows)]
+        alone = [*map(_title_of, self.rows[: self.headings[0]]), *texts_alone(self.rows[self.headings[0] :])]
         self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(alone))
+        self.rows = without_codes(self.rows, alone)
         self.is_divided = any(form("says_divided", text) for text in alone)  # by what a column calls a factor
-        self.heading = _TableHeading()
+        self.heading = TableHeading()
         self.alike: dict[tuple[str, ...], list[Sequence[str]]] = {}  # the rows below each heading, wherever it stands
-        self.is_barren = False
+        self.is_named = False
         self.above = ""  # the area of the rows above
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
     def chart(self) -> ImportedMap | None:
         """The map; None where no row is a heading."""
-        headings = [*islice(headings_in(self.rows), _MOST_HEADINGS + 1), len(self.rows)]
-        self.builder.notes += notes_of_cut(len(headings) > _MOST_HEADINGS + 1, _MOST_HEADINGS, "headings")
+        headings = self.headings
+        self.builder.notes += notes_of_cut(len(headings) - 1, _MOST_HEADINGS, "headings")
         del headings[_MOST_HEADINGS:-1]
         for row in self.rows[: headings[0]]:
             self._title(row)
@@ -123,19 +103,12 @@ class _TableRows:
                 begin = self._heading(first, last)
                 rows = self.rows[begin : headings[bisect_left(headings, begin)]]
                 for number, row in self._joined(rows, begin + self.first):
-                    if not (self.builder.is_full or self._is_barren(number)):
+                    if not self.builder.is_full:
                         self._row(row, f"row {number}")
         if self.builder.rows:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
-        return self.builder.built() if self.heading.columns else None
-
-    def _is_barren(self, number: int) -> bool:
-        """Whether so many rows gave so few values that this is no table of registers; said once."""
-        is_barren = number > _PATIENCE + _YIELD * (len(self.builder.rows) + len(self.builder.bits))
-        if is_barren and not self.is_barren:
-            self.builder.notes.insert(0, f"only the first {number - 1:,} rows were read, so few of them are registers")
-        self.is_barren |= is_barren
-        return self.is_barren
+        nameless = self.builder.rows and not self.is_named  # numbers below a word such as `hex`: a capture has those
+        return self.builder.built() if self.heading.columns and not nameless else None
 
     def _visible(self, sheet: MapSheet) -> Table:
         """The rows without the columns that the sheet hides, where what is left is a table."""
@@ -155,37 +128,14 @@ class _TableRows:
         columns = assigned(row, below) or assigned(row, ())
         if not columns:
             return begin
-        columns = {"divisor" if role == "scale" and self.is_divided else role: at for role, at in columns.items()}
-        self._take_columns(row, columns, below)
-        return begin
-
-    def _take_columns(self, row: Sequence[str], columns: dict[str, int], below: Table) -> None:
-        """Take in what columns hold, and what is to be said of it."""
-        texts = {role: plain_heading(row[at]) for role, at in columns.items()}
-        addresses, names, units, types, areas = (
-            column_cells(below, columns.get(role, len(row))) for role in ("address", "name", "unit", "type", "area")
-        )
-        how = address_form(f"{texts['address']}{self.titles.numbering}", addresses)
-        self.heading = _TableHeading(
-            columns,
-            replace(how, has_prefixes=how.has_prefixes or self.heading.form.has_prefixes),
-            Counter(addresses),
-            bool(form("of_functions", texts.get("area", ""))),
-            any(form("of_words", cell) and area_words(cell) == "input" for cell in areas),
-            "word order" * ("word" in texts.get("order", "")),
-            _have_units_behind(names, units),
-            not types and 2 * sum("type" in cells_told(name)[1] for name in names) > len(names),
-            _more_addresses(row, below, columns),
-        )
-        doubtful = {
-            _AS_DIVISOR: 0 < heading_bits(texts.get("divisor", "divisor"), "divisor") < WHOLE,
-            "whole factors, some below 0, were taken for powers of ten": "power" in columns,
-            "plain addresses were taken as counted from 1, as a heading says": how.base > 0,
-            "addresses were taken for hexadecimal, as some of them have letters": how.is_hex > how.is_said,
-        }
-        self.builder.notes += compress(doubtful, doubtful.values())
+        if self.is_divided and "scale" in columns:
+            columns["divisor"] = columns.pop("scale")
+        self.heading, doubts = heading_of(row, columns, below, self.titles.numbering)
+        self.builder.notes += doubts
         self.above, self.register = "", None
-        self.titles.area = ("area" not in columns and area_words(texts["address"])) or self.titles.area
+        own = "" if "area" in self.heading.columns else plain_heading(row[self.heading.columns["address"]])
+        self.titles.area = area_words(own) or self.titles.area
+        return begin
 
     def _merged(self, first: int, last: int) -> list[str] | None:
         """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
@@ -212,7 +162,7 @@ class _TableRows:
         held: list[tuple[int, list[Sequence[str]]]] = []
         for number, row in enumerate(rows, first):
             above = held[-1][1][0] if held else ()
-            if is_value(above) and _goes_on(row, above, columns, is_drawn=is_drawn):
+            if columns and is_value(above) and _goes_on(row, above, columns, is_drawn=is_drawn):
                 held[-1][1].append(row)
             else:
                 held.append((number, [row]))
@@ -223,24 +173,25 @@ class _TableRows:
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
         cells = list(filter(None, row))
-        title = " ".join(cells)
+        title = _title_of(row)
         self.titles.take(title, is_group=len(cells) == 1 and (self.heading.columns != {} or title.startswith("#")))
 
     def _row(self, row: Sequence[str], what: str) -> None:
         """Take in a row: a line between others, a title, a bit of the register above, or values."""
-        cells = {key: row[at].strip() for key, at in self.heading.columns.items() if at < len(row)}
+        cells = {key: cell.strip() for key, at in self.heading.columns.items() for cell in row[at : at + 1]}
         cells = self.titles.without_marks(cells)
         if is_rule(row) or self._is_bit(cells):
             return
         if sum(map(bool, row)) == 1 or (sum(map(bool, row)) == _FEW and form("section", row[0])):
             self._title(row)
             return
-        self.above = cells.get("area") or self.above  # one cell for several rows holds its text once
+        held = self.above * (not self.heading.form.is_logical)  # one cell for several rows holds its text once
+        self.above = cells.get("area") or held
         if self.heading.addresses[cells.get("address", "")] == 1:
             cells.pop("bit", None)  # several rows of one register are its bits
-        others = [(f" {title}", row[at]) for title, at in self.heading.others.items() if at < len(row)]
-        spots = [(title, place) for title, place in others if numbers_in(place)]
-        for title, place in spots or [("", cells.get("address", ""))]:
+        others = {f" {title}": cell for title, at in self.heading.others.items() for cell in row[at : at + 1]}
+        spots = {title: place for title, place in others.items() if numbers_in(place)}
+        for title, place in (spots or {"": cells.get("address", "")}).items():
             self._at(cells | {"address": place, "name": f"{cells.get('name', '')}{title}"}, what)
 
     def _at(self, cells: Cells, what: str) -> None:
@@ -254,12 +205,9 @@ class _TableRows:
             self.builder.note(f"{what}: {name}: no value")
             return
         blocks = [*islice(self.titles.blocks.items(), _MOST_BLOCKS)] * place.startswith("+")
-        for title, base in blocks or [("", 0)]:
+        for title, base in blocks or [("", self.titles.base * self.heading.is_offset)]:
             prefix = f"{title} " * (len(blocks) > 1)
-            moved = (
-                replace(position, first=position.first + base, text=str(position.first + base)) if base else position
-            )
-            self.register = self._value(cells | {"name": f"{prefix}{name}"}, moved, what)
+            self.register = self._value(cells | {"name": f"{prefix}{name}"}, position.moved(base), what)
 
     def _is_bit(self, cells: Cells) -> bool:
         """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
@@ -275,6 +223,7 @@ class _TableRows:
         own_name = cells["name"].strip()
         name = own_name or f"Register {cells['address']}"
         self.builder.notes += [f"{what}: no name"] * (not own_name)
+        self.is_named |= own_name != ""
         try:
             register = area_and_address(*self._spot(position))
         except CellError as error:
@@ -296,8 +245,8 @@ class _TableRows:
         area = own or self.titles.area
         digits = how.logical_digits(area)
         looks = digits and expression(rf"[{digits}](?!0+$)\d{{4,5}}").fullmatch(position.text)
-        free = own if how.is_logical else area
-        if position.prefixed or (looks and free in (None, _AREA_OF.get(position.text[0]))):
+        free, named = own if how.is_logical else area, _AREA_OF.get(position.text[0])
+        if position.prefixed or (looks and (free in (None, named) or (free, named) == ("input", "discrete"))):
             return None, position.text
         return area or "holding", position.first - how.base
 
@@ -311,16 +260,18 @@ class _TableRows:
             return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
         if how_named := self.heading.has_units_behind and form("unit_behind", cells["name"]):
             return {**cells, "name": how_named["name"], "unit": how_named["unit"]}
-        name, told = cells_told(cells["name"]) if self.heading.has_parts else (cells["name"], {})
-        return {**told, **cells, "name": name}
+        return cells
 
     def _add(self, register: tuple[MapArea, int], cells: Cells, position: TableAddress, what: str) -> None:
         """Add the value at a register."""
         shown = {**cells, "name": " ".join(cells["name"].split()), "unit": given(cells.get("unit", ""))}
-        told, left = facts_of(shown, ["untyped"] * (not cells.get("type")))
+        told, left = facts_of(shown)
         told |= scaled_by([cells.get(role, "") for role in _SCALED])
         length = whole_in(cells.get("length")) or _words(cells, position, self.heading.form)
-        kind, length = type_of(_type_said(cells, told["sign"] or "signed" * told["low"].startswith("-")), length)
+        is_plain = without_width(cells.get("type", "")) in self.heading.unsigned
+        signs = (told["sign"], "signed" * told["low"].startswith("-"), "unsigned" * is_plain)
+        sign = next(filter(None, signs), "")
+        kind, length = type_of(_type_said(cells, sign) or told["type"] or self._type_of_all(), length)
         order = self._order(cells, kind, what)
         bits = bits_of(cells.get("description", ""), kind)
         kind = "bits" if kind in ("u16", "u32") and form("says_bits", cells.get("description", "")) else kind
@@ -346,9 +297,14 @@ class _TableRows:
             f"{what}: {name[:40]}",
         )
 
+    def _type_of_all(self) -> str:
+        """What a title says of the type of all values, where their addresses are as far apart as it is long."""
+        kind, _ = type_of(self.titles.type, None)
+        return self.titles.type * (VALUE_TYPES[kind] <= self.heading.step)
+
     def _accesses(self, cells: Cells, told: str, area: MapArea) -> Iterator[str | None]:
         """What is said of the access to a register, the nearest first; what titles say is of what can be written."""
-        yield access_of(cells)
+        yield access_of(cells) or self.heading.rights.get(cells.get("access", ""))
         yield "r" * (area in ("input", "discrete"))
         yield told and meaning("access", told.lower())
         yield access_said(self.above, codes=self.heading.of_functions)
@@ -370,34 +326,15 @@ class _TableRows:
         return order
 
 
-_AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
+def _title_of(row: Sequence[str]) -> str:
+    """The text of a row without values, which commas may have cut."""
+    cells = [*filter(None, row)]
+    return (" ", ", ")[len(cells) > _FEW].join(cells)
 
 
 def _nearest(left: str, cell: str) -> str:
     """A cell, or where it is empty that before it."""
     return cell or left
-
-
-def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]) -> Mapping[str, int]:
-    """The columns of addresses by what tells them apart, where several stand side by side: Address L1, L2, L3."""
-    word, _, own = row[columns["address"]].partition(" ")
-    free = {at: row[at].removeprefix(word).strip() for at in range(len(row)) if at not in columns.values()}
-    found = {
-        title: at
-        for at, title in free.items()
-        if row[at].startswith(f"{word} ")
-        and not heading_bits(plain_heading(title.strip("()[]")), "address")
-        and TableColumn("", column_cells(below, at), len(below)).is_of_addresses
-    }
-    places = [number for at in (columns["address"], *found.values()) for number in _first_numbers(below, at)]
-    is_one_space = len({*places}) == len(places) > 0 and max(places) - min(places) < _LOGICAL
-    every = sorted({own: columns["address"], **found}.items(), key=lambda titled: titled[1])
-    return dict(every) if found and is_one_space else {}
-
-
-def _first_numbers(rows: Table, at: int) -> list[int]:
-    """The first number of each cell of a column that has one."""
-    return [number for cell in column_cells(rows, at) for number in numbers_in(cell)[:1]]
 
 
 def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int], *, is_drawn: bool) -> bool:
@@ -409,15 +346,9 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
         for cells, role in ((row, "name"), (above, "name"), (above, "address"))
     )
     texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
-    alone = set() if place_above.endswith(_OPEN) else {0, columns.get("address", 0)} - texts
+    alone = set() if place_above.endswith(_OPEN) else {0, min(columns.values()), columns["address"]} - texts
     goes_on = (is_drawn, f"{name}a"[0].islower(), has_only_states(name), name_above.endswith(","))
     return any(goes_on) and set() < filled <= (texts | held) - alone
-
-
-def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether many names end in a short word in brackets, and most have that or a unit of a column that few use."""
-    behind = sum(form("unit_behind", name) != {} for name in names)
-    return behind >= _LEAST_NAMES and 2 * (behind + len(units)) > len(names) > 2 * len(units)
 
 
 def _type_said(cells: Cells, sign: str) -> str:
