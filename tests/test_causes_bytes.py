@@ -56,7 +56,6 @@ def _named(causes: Iterable[Cause]) -> list[tuple[str, tuple[int, ...]]]:
     return [(cause.cause, cause.units) for cause in causes]
 
 
-@pytest.mark.xfail(reason="told as another cause since certainty is fitted on buses of other hands", strict=True)
 def test_a_wrong_byte_behind_right_ones_is_no_damage_at_the_head() -> None:
     """A driver that is late takes the first byte first."""
 
@@ -123,7 +122,6 @@ def test_seven_data_bits_and_parity_are_told_on_a_line_of_eight() -> None:
     assert "seven data bits" in found[0].text
 
 
-@pytest.mark.xfail(reason="told as another cause since certainty is fitted on buses of other hands", strict=True)
 def test_a_unit_of_which_more_answers_come_than_it_was_asked_for_is_two() -> None:
     """Behind the first the master goes on, and what it asks next meets the second."""
 

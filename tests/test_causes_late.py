@@ -263,6 +263,25 @@ def test_a_unit_whose_answers_to_one_poll_are_short_answers_no_broadcast_before_
     assert [cause.cause for cause in causes(sent())] == ["driver-released-early"]
 
 
+def test_a_client_that_rests_behind_the_last_unit_of_a_round_till_the_next_one_gave_nothing_up() -> None:
+    """Its next request comes as long behind that unit's, whatever the answer took; but later behind it, not sooner."""
+    random = Random(4)
+
+    def sent() -> Iterator[Sent]:
+        now = begun = 0.0
+        for i in range(120):
+            for unit in (1, 2, 3):
+                rest = 16.0 + 8 * random.random() + (max(684.0 - now + begun, 0.0) if unit == 1 and i else 0.0)
+                begun = now + rest if unit == 1 else begun
+                request, answer = read_of(unit), answer_of(unit, 900 + i)
+                delay = (100.0 if unit == 3 else 6.0 + unit) + (80.0 if unit == 3 else 1.0) * random.random()
+                yield rest, request
+                yield delay, answer
+                now += rest + delay + (len(request) + len(answer)) * CHAR_MS
+
+    assert causes(sent()) == []
+
+
 def test_a_unit_beside_one_whose_delays_nobody_knows_is_not_held_against_it() -> None:
     made = field_cases()["echo-driver-enabled-late"].capture("gateway", 9100)
     capture = Capture.of(made.line, made.chunks)

@@ -30,6 +30,7 @@ _CASES = (
         "emi-drive",
     ),
     *("tap-one-direction", "unit-line-settings", "bias", "missing-registers", "frozen-values", "rest-too-short-called"),
+    *("word-order", "counter-torn", "values-stall", "value-lost", "values-changed", "counted-in-bytes"),
 )
 _SILLY = re.compile(
     r"\b0 (of|из) 0\b|(?<!unit )(?<![.\d])1 [a-z]+s\b|\bunits \d+\b(?!,)|\b([^\W\d]+) \2\b|  |, ,|\(\)|None|[][{}|]"

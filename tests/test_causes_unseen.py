@@ -31,7 +31,7 @@ def test_a_unit_that_answers_by_the_number_of_another_is_not_dead() -> None:
                 yield 180.0, b""
 
     ((unit, count, like),) = _left(sent())
-    assert (unit, count) == (7, 60) and "by the number of unit 1" in like
+    assert (unit, count) == (7, 59) and "by the number of unit 1" in like
 
 
 def test_answers_that_nobody_asked_for_are_told() -> None:
@@ -161,3 +161,65 @@ def test_answers_behind_which_the_client_goes_on_by_its_timer_came_too_late(gap_
                 yield -late, b""
 
     assert named(causes(sent())) == [("timeout-too-short", (2,))]
+
+
+@pytest.mark.parametrize("times", [2, 3])
+def test_a_list_in_which_most_polls_stand_several_times_is_told(times: int) -> None:
+    def sent() -> Iterator[Sent]:
+        for i, unit in _rounds(40, 1, 2, 3, 4, 5):
+            for _ in range(1 if unit == 5 else times):
+                yield 20.0, read_of(unit)
+                yield 8.0, answer_of(unit, 300 + i)
+
+    ((unit, count, like),) = _left(sent())
+    assert (unit, count) == (None, 160 * (times - 1)) and "again at once" in like
+
+
+def test_a_unit_that_answers_by_another_function_than_is_asked_is_not_dead() -> None:
+    def sent() -> Iterator[Sent]:
+        for i, unit in _rounds(60, 1, 2, 7):
+            yield 20.0, read_of(unit, 4 if unit == 7 else 3)
+            yield 8.0, answer_of(unit, 300 + i)
+            if unit == 7:
+                yield 180.0, b""
+
+    left = _left(sent())
+    assert {unit for unit, _, _ in left} == {7}
+    assert any("to something else than was asked" in like for _, _, like in left)
+
+
+def test_broadcasts_that_come_once_more_sooner_than_the_client_sends_are_given_back() -> None:
+    def sent() -> Iterator[Sent]:
+        for i, unit in _rounds(60, 1, 2, 3):
+            yield 40.0, read_of(unit)
+            yield 8.0, answer_of(unit, 300 + i)
+            if unit == 3:
+                yield 40.0, frame(0, 6, 0, 30, 0, i)
+                yield 9.0, frame(0, 6, 0, 30, 0, i)
+                yield 300.0, b""
+
+    assert named(causes(sent())) == [("broadcast-answered", ())]
+
+
+def test_holes_in_the_answers_of_some_units_are_not_the_taps() -> None:
+    """It reads several bytes at once, and short holes stand in whatever it hears."""
+
+    def sent() -> Iterator[Sent]:
+        for i, unit in _rounds(60, 1, 2, 3):
+            yield 30.0, read_of(unit, quantity=12)
+            answer = answer_of(unit, 300 + i, 12)
+            yield 12.0, answer[:16]
+            yield 28.0 if unit == 3 else 0.0, answer[16:]
+
+    assert named(causes(sent(), tick_ms=5.0)) == [("converter-gaps", (3,))]
+
+
+def test_other_traffic_between_frames_of_modbus_is_a_warning() -> None:
+    def sent() -> Iterator[Sent]:
+        for i, unit in _rounds(80, 1, 2):
+            yield 20.0, read_of(unit)
+            yield 8.0, answer_of(unit, 300 + i)
+            yield 90.0, bytes((0x10, 0x5B, unit, 0x5B + unit, 0x16))
+            yield 90.0, b""
+
+    assert [(each.cause, each.severity) for each in causes(sent())] == [("other-protocol", "warning")]

@@ -7,6 +7,7 @@ from collections import Counter
 from .evidence import Evidence
 from .exchanges import Ending
 from .ledgerview import kept
+from .registry import Symptom
 from .samples import Sample
 from .unitledger import UnitLedger
 
@@ -23,6 +24,9 @@ def answered_as(evidence: Evidence, number: int) -> int | None:
     if not others or unit.count(Ending.SILENT) < _LEAST:
         return None
     other, count = others.most_common(1)[0]
+    behind = (each for each in evidence.contrasts(Symptom.SILENCE, number) if each.name == "unit-before")
+    if any(each.value == other and each.is_sharp for each in behind):
+        return None  # it answers for itself behind others: what comes is that unit's, once more
     sampled = len(unit.samples.kept) * unit.samples.weight
     return other if count >= _MOSTLY * len(silent) and sampled >= _MOSTLY * unit.count(Ending.SILENT) else None
 
@@ -37,5 +41,5 @@ def _answering(sample: Sample) -> int | None:
 
 def lent(evidence: Evidence, unit: UnitLedger) -> int:
     """About how many requests to others are answered by the number of a unit."""
-    others = (each for each in evidence.units if each is not unit and answered_as(evidence, each.unit) == unit.unit)
+    others = (each for each in evidence.others(unit) if answered_as(evidence, each.unit) == unit.unit)
     return sum(other.count(Ending.SILENT) for other in others)

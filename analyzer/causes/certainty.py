@@ -2,10 +2,10 @@
 
 Bits settle which of two causes it is; they do not settle whether it is one that nobody thought of, and more of the same
 data never does. So certainty is fitted: by the margin over the next best cause, by what the symptoms hang on that such
-a cause does not make, by how much no cause at all explains, by how often the cause was named where its bus had another
-fault, and by how typical the exchanges that it claims are of it, where "none of these" is a hypothesis as well
-(`analyzer.causes.traits`). The weights stand in `certainty.json`, which `benchmarks/fit_certainty.py` makes;
-docs/causes.md has what came of it on seeds that were held out.
+a cause does not make, by how often the cause was named where its bus had another fault, and by how typical the
+exchanges that it claims are of it, where "none of these" is a hypothesis as well (`analyzer.causes.traits`); and on
+buses of several hands, for each has habits that the others have not. The weights stand in `certainty.json`, which
+`benchmarks/fit_certainty.py` makes; docs/causes.md has what came of it on seeds that were held out.
 """
 
 from __future__ import annotations
@@ -35,16 +35,14 @@ class Clues(NamedTuple):
     margin: float  # share of its bits that the next best cause has not
     own: float  # log2 of the bits that are for this cause, and not just for that something is wrong
     unforetold: float  # log2 of the bits of contrasts, and of all else, that such a cause does not make
-    left: float  # log2 of the exchanges that went wrong and that neither this cause nor another takes
 
 
-def clues(evidence: Evidence, found: Suspicion, foretold: Foretold, *, rival_bits: float, left: int) -> Clues:
-    """Of one suspicion. `rival_bits`: of the next best cause of the same symptoms, 0 for none; `left`: exchanges."""
+def clues(evidence: Evidence, found: Suspicion, foretold: Foretold, *, rival_bits: float) -> Clues:
+    """Of one suspicion. `rival_bits`: of the next best cause of the same symptoms, 0 for none."""
     return Clues(
         max(found.bits - max(rival_bits, _FEW_BITS), 0.0) / max(found.bits, 1.0),
         log2(1 + max(found.bits - _plain(evidence, found), 0.0)),
         log2(1 + unforetold_bits(evidence, foretold, found) + found.against),
-        log2(1 + left),
     )
 
 
@@ -69,8 +67,7 @@ def certainty(cause: str, clues_of_it: Clues, traits: Traits) -> float:
     """How sure that is, 0 to 1."""
     weights = _weights()
     score = weights["intercept"] + weights["causes"].get(cause, weights["other"])
-    like = typical(weights["shares"], weights["none"], cause, traits)
-    known = clues_of_it._asdict() | like | {"unlike": min(like["ending"], 0.0)}
+    known = clues_of_it._asdict() | typical(weights["shares"], weights["none"], cause, traits)
     score += sum(weights["clues"][name] * value for name, value in known.items())
     return min(max(1 / (1 + exp(-score)), LEAST), MOST)
 

@@ -56,13 +56,14 @@ class Family(Enum):
 @dataclass(frozen=True, slots=True)
 class Property:
     """Something that is known of each request: a figure, or -1 where it is unknown. `price`: bits that it pays for not
-    being the likeliest thing."""
+    being the likeliest thing; `timed`: it is a time in ns."""
 
     name: str
     family: Family
     way: Parting
     of: Callable[[AskedRows], Figures]
     price: float = 0.0
+    timed: bool = False
 
 
 class Side(NamedTuple):
@@ -141,11 +142,12 @@ REQUEST_PROPERTIES: Final = (
     Property("poll", Family.ASKED, Parting.EACH, lambda rows: rows.poll, 2.5),
 )
 CIRCUMSTANCES: Final = (
-    Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0),
-    Property("rest", Family.BEFORE, Parting.OVER, _own_rest, 2.5),
+    Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0, timed=True),
+    Property("rest", Family.BEFORE, Parting.OVER, _own_rest, 2.5, timed=True),
     Property("unit-before", Family.BEFORE, Parting.EACH, lambda rows: rows.before.astype(np.int64), 2.0),
     Property("outcome-before", Family.BEFORE, Parting.EACH, _outcome_before, 2.0),
-    Property("since-write", Family.BEFORE, Parting.OVER, _since_write, 2.0),
+    Property("since-write", Family.BEFORE, Parting.OVER, _since_write, 2.0, timed=True),
+    Property("delay", Family.BEFORE, Parting.OVER, lambda rows: rows.delay, 2.0, timed=True),
     Property("since", Family.TIME, Parting.OVER, lambda rows: rows.time, 2.0),
 )
 
@@ -154,11 +156,13 @@ HITS_OF: Final[Mapping[Symptom, Callable[[AskedRows], tuple[Hits, Hits]]]] = {  
     Symptom.SILENCE: lambda rows: (rows.outcome == Ending.SILENT, np.ones(len(rows), np.bool_)),
     Symptom.DAMAGE: lambda rows: (rows.outcome == Ending.GARBAGE, rows.outcome != Ending.SILENT),
     Symptom.REFUSAL: lambda rows: (rows.outcome == Ending.EXCEPTION, rows.good),
+    Symptom.BEHIND: lambda rows: (rows.heard > 0, rows.good),
 }
 
 
-def contrasts(rows: AskedRows, hits: Hits) -> list[Contrast]:
-    """What the hits among these requests, in their order, hang on; the best first, none that saves nothing."""
+def contrasts(rows: AskedRows, hits: Hits, tick_ns: float = 1.0) -> list[Contrast]:
+    """What the hits among these requests, in their order, hang on; the best first, none that saves nothing. `tick_ns`:
+    by less times do not differ."""
     again = rows.repeats
     if again.any() and hits[again].mean() > _AS_BEFORE:
         rows, hits = rows[~again], hits[~again]
@@ -169,7 +173,7 @@ def contrasts(rows: AskedRows, hits: Hits) -> list[Contrast]:
     found = [
         each
         for one in (*REQUEST_PROPERTIES, *CIRCUMSTANCES)
-        if (each := _parted(one, one.of(rows), hits, sums)) is not None
+        if (each := _parted(one, one.of(rows), hits, sums, tick_ns if one.timed else 1.0)) is not None
     ]
     found += _chain(rows, hits, sums)
     return sorted((each for each in found if each.bits > 0), key=lambda each: -each.bits)
@@ -188,20 +192,21 @@ class RateSums:
         return self._halves[hits] + self._halves[of - hits] - self._whole[of]
 
 
-def _parted(one: Property, values: Figures, hits: Hits, sums: RateSums) -> Contrast | None:
+def _parted(one: Property, values: Figures, hits: Hits, sums: RateSums, tick: float) -> Contrast | None:
     known = values != _UNKNOWN
     if one.name == "unit-before":
         known = np.ones(len(values), np.bool_)
     if np.count_nonzero(known) < 0.9 * len(known):
         return None
     values, hits = values[known], hits[known]
-    return (_over if one.way is Parting.OVER else _each)(one, values, hits, sums)
+    return _over(one, values, hits, sums, tick) if one.way is Parting.OVER else _each(one, values, hits, sums)
 
 
-def _over(one: Property, values: Figures, hits: Hits, sums: RateSums) -> Contrast | None:
+def _over(one: Property, values: Figures, hits: Hits, sums: RateSums, tick: float) -> Contrast | None:
     order = np.argsort(values, kind="stable")
     values, hits = values[order], hits[order]
-    edges = np.flatnonzero(values[1:] != values[:-1]) + 1  # of the first value above
+    ticks = np.round((values - values[len(values) // 2]) / tick)  # most of what is usual stands amid one
+    edges = np.flatnonzero(ticks[1:] != ticks[:-1]) + 1  # of the first value above
     edges = edges[(edges >= _LEAST) & (edges <= len(values) - _LEAST)]
     if not len(edges):
         return None

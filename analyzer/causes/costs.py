@@ -95,11 +95,17 @@ def _is_lost_request(evidence: Evidence, sample: Sample, reading: Signature) -> 
     timeout, off, waited = evidence.timeout_ns, evidence.verdict.wait_ns, _waited(evidence, sample, reading)
     if timeout is not None:
         return off <= _TOLD * timeout and abs(waited - timeout) < _STRAYS * timeout + off
-    usual = evidence.ledger.pauses.quantile(0.5)
+    return is_instead_of_request(evidence, sample, reading)
+
+
+def is_instead_of_request(evidence: Evidence, sample: Sample, reading: Signature) -> bool:
+    """Whether bytes stand behind a good answer when the next request is due, and the next one comes far later than the
+    client pauses: it waits for an answer to what was sent there."""
+    usual, off = evidence.ledger.pauses.quantile(0.5), evidence.verdict.wait_ns
     if usual is None or sample.t_next == NEVER:
         return False
     due = _DUE * usual + READ_REQUEST * evidence.ledger.char_ns + off
-    return 0 <= reading.rested <= due and waited > _FAR * (usual + off)
+    return 0 <= reading.rested <= due and _waited(evidence, sample, reading) > _FAR * (usual + off)
 
 
 def _waited(evidence: Evidence, sample: Sample, reading: Signature) -> float:

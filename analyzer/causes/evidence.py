@@ -32,6 +32,11 @@ _STRAYED: Final = 2  # bytes
 _OF_OPEN: Final = ("begun", "requests_overlaid")  # kept, and another where more is explained
 
 
+def usual_rate(hits: float, trials: float) -> float:
+    """The rate of a symptom that is nobody's in particular, by how often others show it."""
+    return max(HEALTHY, (hits + 0.5) / (trials + 50))
+
+
 class Evidence(LedgerView):
     """A ledger, less what is explained."""
 
@@ -52,6 +57,10 @@ class Evidence(LedgerView):
     def is_open(self, symptom: Symptom, unit: int | None) -> bool:
         """Whether nothing has explained this symptom of a unit yet."""
         return (symptom, unit) not in self.explained
+
+    def others(self, *units: UnitLedger) -> list[UnitLedger]:
+        """The units that are polled besides these."""
+        return [other for other in self.units if other not in units]
 
     def silent(self, unit: UnitLedger) -> int:
         """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""
@@ -74,6 +83,11 @@ class Evidence(LedgerView):
         """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
         garbage = self.garbage(unit) if self.is_open(Symptom.DAMAGE, unit.unit) else []
         return [reading for reading in garbage if reading.damage is not AnswerDamage.NONE]
+
+    def damaged_so(self, unit: UnitLedger, is_so: Callable[[Signature], bool]) -> float:
+        """About how many damaged answers of a unit are damaged so."""
+        readings = self.readings(unit)
+        return self.damaged(unit) * sum(map(is_so, readings)) / max(len(readings), 1)
 
     def begun_by(self, reading: Signature) -> int | None:
         """Another unit that is polled, and by whose number and function a damaged answer begins, or what stands behind a
@@ -102,13 +116,14 @@ class Evidence(LedgerView):
 
     def behind(self, unit: UnitLedger, *kinds: Behind) -> float:
         """About how many good answers have such a thing behind them."""
-        return self._about(unit, lambda reading: reading.behind in kinds)
+        return self.about(unit, lambda reading: reading.behind in kinds)
 
     def requests_behind(self, unit: UnitLedger) -> float:
         """About how many good answers have a damaged request behind them, known again or as long as one."""
-        return self._about(unit, is_like_request)
+        return self.about(unit, is_like_request)
 
-    def _about(self, unit: UnitLedger, is_so: Callable[[Signature], bool]) -> float:
+    def about(self, unit: UnitLedger, is_so: Callable[[Signature], bool]) -> float:
+        """About how many good answers have something behind them of which that is so."""
         readings = self.followed(unit) if self.ordered else []
         return unit.followed.offered * sum(map(is_so, readings)) / max(len(readings), 1)
 
@@ -144,7 +159,7 @@ class Evidence(LedgerView):
     def elsewhere(self, unit: UnitLedger) -> float:
         """The rate at which the answers of other units are damaged, those apart that have a fault of their own by it; of
         nobody's doing at the least."""
-        others = [other for other in self.units if other.unit != unit.unit]
+        others = self.others(unit)
         others = [other for other in others if self.damaged(other) <= _HALF * other.asked] or others
         hits, trials = sum(map(self.damaged, others)), sum(other.asked for other in others)
         return max(HEALTHY, (hits + 0.5) / (trials + 0.5 / HEALTHY))

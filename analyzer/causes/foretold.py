@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import inf
 from typing import Final
 
@@ -48,7 +49,7 @@ def _by_symptom(suspicion: Suspicion) -> dict[Symptom, list[int]]:
 
 def _unforetold(evidence: Evidence, symptom: Symptom, unit: int, names: frozenset[str]) -> float:
     best = evidence.best_contrast(symptom, unit)
-    if symptom is Symptom.DAMAGE and best.is_sharp and best.family is Family.ASKED and names != ASKED_FOR:
+    if symptom is Symptom.DAMAGE and best.is_sharp and best.family is Family.ASKED and not names >= ASKED_FOR:
         return best.bits  # more of a long answer is hit than of a short one, but not all of one and none of the other
     own = next((each for each in evidence.contrasts(symptom, unit) if each.name in names), NO_CONTRAST)
     more = max(best.bits - own.bits, 0.0) if best.name not in names else 0.0
@@ -73,6 +74,12 @@ def own_silences(evidence: Evidence) -> set[tuple[Symptom, int]]:
         if not _may_strike(evidence, unit, rate):
             own.add((Symptom.SILENCE, unit.unit))
     return own
+
+
+def of_all(evidence: Evidence, kinds: Collection[Symptom]) -> Explained:
+    """Such symptoms of all units, as far as what spoils frames of all can be the reason, and what stands in no frame."""
+    found = frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds) - own_silences(evidence)
+    return found | {(Symptom.FRAMING, None)}
 
 
 def _may_strike(evidence: Evidence, unit: UnitLedger, elsewhere: float | None) -> bool:

@@ -50,10 +50,10 @@ def gave_up_ns(evidence: Evidence) -> float:
     """The time from a request on after which the client goes on by its timer, answer or none, as slow good answers show it:
     the next request comes as long behind that time as it else does behind an answer. Infinite where nothing shows it: the
     same where requests come by a timer anyhow, and quick answers do not move them either."""
-    rows, char_ns, off = evidence.ledger.table.rows, evidence.ledger.char_ns, evidence.verdict.wait_ns
+    rows, off = evidence.ledger.table.rows, evidence.verdict.wait_ns
     good = (rows.outcome == Ending.OK) & (rows.wait >= 0) & (rows.delay >= 0) & (rows.due > 0) & ~rows.next_same
     good &= ~ECHOED[rows.function]  # what reads like an answer to a write may be the next request
-    took, turns = (rows.delay + rows.due * char_ns)[good], rows.wait[good].astype(np.float64)
+    took, turns = rows.took[good].astype(np.float64), rows.wait[good].astype(np.float64)
     if len(took) < _QUICK + _HURRIED or not np.isfinite(off):
         return UNKNOWN
     order = np.argsort(took)
@@ -65,6 +65,8 @@ def gave_up_ns(evidence: Evidence) -> float:
         far = usual + _FAR * max(off, usual - float(took[first // 20]), usual / 4)
         if strays(turns[:first]) < strays(rests) - off or np.median(delays[first:]) < 2 * np.median(delays[:first]):
             continue  # what is longer is not slow
+        if np.median((turns - took)[first:]) > np.median(rests) + off:
+            continue  # what comes by a timer that ended before comes sooner behind the answer, not later
         for bound in {float(took[first]), min(float(np.median(turns[first:]) - np.median(rests)), float(took[first]))}:
             bits = float((rested.bits(turns[first:] - bound) - rested.bits(turns[first:] - took[first:])).sum())
             if bound > far and bits > max(most, _EACH * len(turns[first:])):
@@ -94,12 +96,7 @@ class _SeenRests:
 def given_up_on(evidence: Evidence, unit: UnitLedger) -> Slow:
     """Good answers of a unit that came when the client had given up. `bound_ns`: from the request to the answer's end."""
     bound, rows = gave_up_ns(evidence), evidence.rows(unit.unit)
-    late = (
-        (rows.outcome == Ending.OK)
-        & (rows.delay >= 0)
-        & ~ECHOED[rows.function]
-        & (rows.delay + rows.due * evidence.ledger.char_ns >= bound)
-    )
+    late = (rows.outcome == Ending.OK) & (rows.delay >= 0) & ~ECHOED[rows.function] & (rows.took >= bound)
     return Slow(round(int(np.count_nonzero(late)) * evidence.ledger.table.weight), bound)
 
 
@@ -154,7 +151,7 @@ def _sooner(evidence: Evidence, unit: UnitLedger) -> bool:
         return False
     off = evidence.verdict.wait_ns
     error = off * ((1 / len(repeated) + 1 / others) / 12) ** 0.5  # of means of times that are wrong by up to so much
-    medians = [other.pauses.quantile(0.5) for other in evidence.units if other is not unit]
+    medians = [other.pauses.quantile(0.5) for other in evidence.others(unit)]
     elsewhere = [median - off for median in medians if median is not None]
     usual = min((unit.pauses.total - repeated.total) / others, *elsewhere, UNKNOWN)
     return bool(repeated.total / len(repeated) + 2 * error < _SOONER * usual)
@@ -166,7 +163,7 @@ def _rate_bits(hits: int, misses: int) -> float:
 
 def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
     """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
-    delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
+    delay, others = unit.delays.quantile(0.1), evidence.others(unit)
     delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
     slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
     met = unit.behind + unit.count(Ending.GARBAGE)  # a list of one poll repeats it by a timer too, and meets nothing

@@ -20,6 +20,7 @@ from .unitledger import UnitLedger
 WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
 _NEARLY_ALL: Final = 0.9
 _ODD: Final = 0.6
+_HARD: Final = 2.0  # characters: nearer to the next frame, a byte belongs to it
 _NO_REST_CHARS: Final = 3.0
 _SURE_BITS: Final = 30.0
 _MOST_LATE: Final = 0.85  # what one late answer meets may make another late
@@ -131,29 +132,20 @@ def apart_bits(evidence: Evidence) -> float:
 
 def unlike_idle_bits(evidence: Evidence) -> float:
     """How much likelier it is that what strays is sent by somebody than that it strikes the idle line, which makes few
-    other bytes than those that are low once, and lies idle ahead of answers for so much of the time; 0 or more."""
-    ahead = every = odd = waited = rested = 0.0
+    other bytes than those that are low once, and lies idle ahead of answers, and hard before requests, for so much of
+    the time; 0 or more."""
+    ahead = hard = every = odd = waited = rested = 0.0
+    hard_ns = _HARD * evidence.ledger.char_ns + evidence.verdict.wait_ns
     for unit in evidence.units:
         readings = [each for each in evidence.followed(unit) if each.behind in (Behind.NOISE, Behind.ZEROS)]
         each_stands_for = evidence.stray(unit) / max(len(readings), 1)
         ahead += each_stands_for * sum(each.detail == AHEAD for each in readings)
+        hard += each_stands_for * sum(abs(each.left) <= hard_ns for each in readings)
         odd += each_stands_for * sum(not is_of_line(each.heard) for each in readings)
         every, waited, rested = every + evidence.stray(unit), waited + unit.delays.total, rested + unit.pauses.total
     share = waited / (waited + rested) if waited > 0 < rested else 1.0
-    return surplus_bits(ahead, every, share) + surplus_bits(odd, every, _ODD)
-
-
-def is_behind_few(evidence: Evidence) -> bool:
-    """Whether nearly all stray bytes come behind some units that have at most half of the idle time behind them, and let the
-    line go at most half of the times."""
-    stray, idle, let_go = _exposed(evidence)
-    return all(_is_behind_few(stray, exposed) for exposed in (idle, let_go))
-
-
-def _is_behind_few(stray: Float64s, exposed: Float64s) -> bool:
-    order = np.argsort(-stray / exposed, kind="stable")
-    few = int(np.searchsorted(stray[order].cumsum(), _NEARLY_ALL * stray.sum(), side="right")) + 1
-    return bool(0 < exposed[order][:few].sum() <= 0.5 * exposed.sum())
+    begins = min(evidence.ledger.exchanges * hard_ns / max(evidence.ledger.span_ns, 1), 1.0)
+    return surplus_bits(ahead, every, share) + surplus_bits(odd, every, _ODD) + surplus_bits(hard, every, begins)
 
 
 def _exposed(evidence: Evidence) -> tuple[Float64s, Float64s, Float64s]:
@@ -229,10 +221,12 @@ def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     if len(unit.delays.numbers) < _TOLD:
         return 0
     before = _SOONER * (unit.delays.quantile(_WAITED) or 0.0) - evidence.verdict.wait_ns
-    readings = evidence.readings(unit)
-    met = [each for each in readings if each.damage is AnswerDamage.CROSSED and 0 <= each.delay < before]
-    begun = sum(evidence.begun_by(each) is not None for each in met)
-    return _cut_short(evidence, unit) + round(evidence.damaged(unit) * begun / max(len(readings), 1))
+
+    def is_so(each: Signature) -> bool:
+        met = each.damage is AnswerDamage.CROSSED and 0 <= each.delay < before
+        return met and evidence.begun_by(each) is not None
+
+    return _cut_short(evidence, unit) + round(evidence.damaged_so(unit, is_so))
 
 
 def _cut_short(evidence: Evidence, unit: UnitLedger) -> int:
@@ -263,7 +257,7 @@ def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:
     found = _surplus(evidence, unit)
     if found < max(_MANY, _SOME * unit.asked):
         return 0
-    others = [other for other in evidence.units if other is not unit]
+    others = evidence.others(unit)
     most = max((_surplus(evidence, other) / other.asked for other in others), default=0.0)
     return found if found >= _FAR_MORE * most * unit.asked else 0
 

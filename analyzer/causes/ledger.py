@@ -51,9 +51,6 @@ _OF_ALL: Final = 0.48
 _ECHO_NS: Final = 40e6
 _NEARLY_ALL: Final = 0.8
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
-_OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
-    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.BROADCAST)
-)
 
 
 def _by_function() -> Int64s:
@@ -98,6 +95,7 @@ class Ledger:
     broadcasts: int = 0
     broadcast_runs: int = 0  # broadcasts right behind another
     broadcasts_again: int = 0  # and the same once more
+    broadcast_repeats: Thinned = field(default_factory=Thinned)  # broadcast to the same once more (ns)
     broadcasts_answered: int = 0
     called_examples: list[int] = field(default_factory=list)
     foreign: Int64s = field(default_factory=lambda: np.zeros(len(NAMES), np.int64))  # stretches by protocol
@@ -242,17 +240,17 @@ class Ledger:
                 mine, when = exchanges[begin:end], times[begin:end]
                 self.unit(number).add(mine, when)
                 known = mine.delay >= 0
-                self.grid.add((ASKED, number), when)
-                self.grid.add((BAD, number), when[(mine.outcome == _SILENT) | (mine.outcome == _GARBAGE)])
+                self.grid.add((ASKED, number), when[mine.outcome != Ending.UNHEARD])
+                self.grid.add((BAD, number), when[(mine.outcome == Ending.SILENT) | (mine.outcome == Ending.GARBAGE)])
                 self.grid.add((DELAY, number), when[known & self.timed], mine.delay[known & self.timed])
 
     def _count_bus(self, exchanges: Exchanges, odd: Bools, times: Int64s) -> None:
         clean = (exchanges.t_answered != NEVER) & (exchanges.t_next != NEVER) & ~odd
         gaps = exchanges.gap_before[1:][clean[:-1]]
         self.request_gaps.add(gaps[gaps != NO_GAP])
-        self._count_broadcasts(exchanges, exchanges.outcome == _BROADCAST)
+        self._count_broadcasts(exchanges, exchanges.outcome == Ending.BROADCAST)
         self.grid.add(ASKED, times)
-        self.grid.add(DAMAGE, times[(exchanges.outcome == _GARBAGE) | (exchanges.noise > 0)])
+        self.grid.add(DAMAGE, times[(exchanges.outcome == Ending.GARBAGE) | (exchanges.noise > 0)])
 
     def _count_broadcasts(self, exchanges: Exchanges, to_all: Bools) -> None:
         self.broadcasts += int(np.count_nonzero(to_all))
@@ -266,12 +264,13 @@ class Ledger:
         if self.timed:
             known = to_all & (exchanges.t_next != NEVER)
             self.turnarounds.add((exchanges.t_next - exchanges.t_asked)[known])
+            self.broadcast_repeats.add((exchanges.t_next - exchanges.t_asked)[known & exchanges.next_same])
 
     def _count_echoes(self, exchanges: Exchanges) -> None:
         """Requests without an answer that come again at once and are answered then; and let go of them, where nearly
         every request that is answered came so."""
         outcome, repeats = exchanges.outcome, exchanges.repeats
-        answered, silent = outcome <= _EXCEPTION, (outcome == _SILENT) & exchanges.next_same
+        answered, silent = outcome <= Ending.EXCEPTION, (outcome == Ending.SILENT) & exchanges.next_same
         again = np.concatenate(([self._repeating], silent[:-1])) & answered
         self._repeating = bool(silent[-1])
         self.answered += int(np.count_nonzero(answered))
@@ -305,14 +304,14 @@ class Ledger:
         exchanges = part.exchanges
         for i in odd.nonzero()[0].tolist():
             unit = self.unit(int(exchanges.unit[i]))
-            samples = unit.followed if exchanges.outcome[i] <= _EXCEPTION else unit.samples
+            samples = unit.followed if exchanges.outcome[i] <= Ending.EXCEPTION else unit.samples
             if samples.wants():
                 samples.keep(sampled(part, i, self._usual(part, i)))
 
     def _usual(self, part: Stretch, i: int) -> _Octets | None:
         """The newest good answer to the same poll before exchange i."""
         exchanges, poll = part.exchanges, int(part.exchanges.poll[i])
-        good = ((exchanges.poll[:i] == poll) & (exchanges.outcome[:i] == _OK)).nonzero()[0]
+        good = ((exchanges.poll[:i] == poll) & (exchanges.outcome[:i] == Ending.OK)).nonzero()[0]
         return part.table.bytes_of(int(exchanges.answer[good[-1]])) if len(good) else self.polls.usual.get(poll)
 
 

@@ -15,7 +15,7 @@ from dissectors.declaration import USER_DEFINED
 from dissectors.lengths import Role, rule
 from dissectors.limits import EXCEPTION
 
-from ..deframing.tap_clock import UNKNOWN, TimeTrust, silences
+from ..deframing.tap_clock import MARGIN, UNKNOWN, USUAL_NS, TimeTrust, silences
 from ..tables.schema import Float64s
 from ..tables.transactions import ECHOED
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family, contrasts
@@ -32,6 +32,9 @@ from .signatures import AnswerDamage, Behind, Signature, held_ns, signature
 from .unitledger import AT_ONCE_NS, UnitLedger
 
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
+_WHOLE: Final = 30  # answers of a unit, by which it is known what stands in them
+_FAR: Final = 3.0  # times as long
+_LATENCY_NS: Final = 20e6  # no adapter holds bytes back for longer that come one behind the other
 _MOST_HELD: Final = 0.9
 _TIMED: Final = 6  # waits
 _TIMER: Final = 0.015  # of a time, by which a timer's strays,
@@ -81,13 +84,31 @@ class LedgerView:
     @cached_property
     def verdict(self) -> TimeTrust:
         """What the tap's times can carry; not so much where it was seen to hold parts of frames back for longer than that,
-        as a converter does that waits for a full packet."""
+        as a converter does that waits for a full packet; more where it is some units whose answers have holes."""
         if not self.ledger.timed:
             return TimeTrust()
         found = self.ledger.clock.newest()
+        if not found.fine and self.tap_holes_ns < found.wait_ns:
+            return replace(found, wait_ns=max(min(MARGIN * self.tap_holes_ns, found.wait_ns), USUAL_NS))
         samples = [] if found.fine else [each for unit in self.ledger.polled for each in unit.samples.kept]
         held = [ns for each in samples if (ns := held_ns(each, self.requests)) > found.wait_ns]
         return replace(found, wait_ns=float(np.quantile(held, _MOST_HELD))) if len(held) >= _WAITS else found
+
+    @cached_property
+    def tap_holes_ns(self) -> float:
+        """The longest silence inside answers that may be the tap's: what stands in some units' answers, and in those of
+        others that are as long never does, is not, but for what an adapter's timer makes. Infinite where units are alike."""
+        table, whole = self.ledger.table, dict[int, AskedRows]()
+        for unit in self.ledger.polled:
+            rows = table.of(unit.unit)
+            if np.count_nonzero(rows.good) >= _WHOLE:
+                whole[unit.unit] = rows[rows.good]
+        longest = {unit: float(rows.hole.max()) for unit, rows in whole.items()}
+        most = max(longest.values(), default=0.0)
+        torn = [rows for unit, rows in whole.items() if _FAR * longest[unit] > most]
+        at = min((int(np.median(rows.hole_at[rows.hole > most / _FAR])) for rows in torn), default=0)
+        quiet = [unit for unit, rows in whole.items() if _FAR * longest[unit] <= most and rows.due.max() > at]
+        return max((longest[unit] for unit in quiet), default=UNKNOWN) if most > _LATENCY_NS else UNKNOWN
 
     @cached_property
     def t35_ns(self) -> float | None:
@@ -120,7 +141,7 @@ class LedgerView:
         """What a symptom of a unit hangs on, the best first."""
         rows = self.rows(unit)
         hits, of = HITS_OF[symptom](rows)
-        return contrasts(rows[of], hits[of])
+        return contrasts(rows[of], hits[of], self.ledger.char_ns * _HALF)
 
     def best_contrast(self, symptom: Symptom, unit: int, *families: Family) -> Contrast:
         """The best of them, of these families (all)."""

@@ -18,6 +18,7 @@ from .bits import surplus_bits
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family
 from .evidence import HEALTHY, Evidence
 from .exchanges import Ending
+from .polls import Poll
 from .registry import Symptom
 from .scans import scanned
 from .signatures import Behind
@@ -36,6 +37,9 @@ _FAILURES: Final = frozenset((4, 8))  # exceptions that speak of the device, not
 _ALWAYS: Final = 0.9
 _OFTEN: Final = 0.02
 _BY_HAND_NS: Final = 3e9  # from one to the next: nobody enters values sooner, again and again
+_TIMES: Final = (2, 3, 4)
+_SEVERAL: Final = 3  # polls,
+_OF_A_LIST: Final = 20  # each of which comes so often
 _NOISE: Final = 0.02  # of the bytes
 _NOISE_BYTES: Final = 40
 _BESIDES: Final = (Behind.NOISE, Behind.ZEROS, Behind.REQUEST)
@@ -52,6 +56,7 @@ _SYMPTOMS: Final = {
 }
 _OF_FRAMES: Final = {
     "unasked": "{exchanges:answer|answers} that nobody asked for",
+    "unfit": "{exchanges:answer|answers} to something else than was asked",
     "twice": "{exchanges:,} of {asked:,} times the same was asked again at once, though it was answered",
 }
 _LIKE: Final = {
@@ -68,6 +73,8 @@ _LIKE: Final = {
     "outcome-before": ", mostly right behind a request that fared badly itself",
     "since-write": ", mostly soon after a write to it",
     "since-write-over": ", mostly long after a write to it",
+    "delay": ", mostly when the answer came later than {rest:ms}",
+    "delay-below": ", mostly when the answer came sooner than {rest:ms}",
     "since": ", from some moment on",
     "until": ", until some moment",
     "spells": ", in spells",
@@ -77,6 +84,7 @@ _LIKE: Final = {
 }
 _TURNED: Final = {  # what is said in place of the name where the symptom is above the threshold, or below it
     "rest": (True, "rest-over"), "since-write": (True, "since-write-over"), "since": (False, "until"),
+    "delay": (False, "delay-below"),
     **dict.fromkeys(("quantity", "answer-bytes", "address", "range-end"), (False, "below")),
 }  # fmt: skip
 TEMPLATES: Final = {**{symptom.value: words for symptom, words in _SYMPTOMS.items()}, **_OF_FRAMES, **_LIKE}
@@ -117,7 +125,8 @@ def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
         best = best if best.bits >= _TOLD_BITS else NO_CONTRAST
         if more + best.bits >= _SURE_BITS and not _is_fact(evidence, unit, symptom, best):
             numbers = {"exchanges": count, "asked": of, "code": _codes(evidence, unit)}
-            yield Left(unit.unit, count, _said(symptom.value, numbers) + _like(evidence, unit, symptom, best))
+            words = "unfit" if symptom is Symptom.LATENESS and unit.unfit > unit.late else symptom.value
+            yield Left(unit.unit, count, _said(words, numbers) + _like(evidence, unit, symptom, best))
 
 
 def _of_several(evidence: Evidence, units: Sequence[UnitLedger]) -> Iterator[Left]:
@@ -152,12 +161,18 @@ def _unasked(evidence: Evidence) -> Iterator[Left]:
 
 
 def _twice(evidence: Evidence) -> Iterator[Left]:
-    """A list in which most polls stand twice, one right behind the other."""
-    polls = [poll for poll in evidence.polls if poll.unit and poll.count(Ending.OK) >= 2 * _LEAST]
-    again = [poll for poll in polls if abs(2 * poll.repeats - poll.count(Ending.OK)) <= 1 + _OFTEN * poll.repeats]
-    if len(again) >= max(_LEAST, _ALWAYS * len(polls)) and evidence.is_open(Symptom.REQUESTS, None):
+    """A list in which most polls stand several times, one right behind the other."""
+    polls = [poll for poll in evidence.polls if poll.unit and poll.count(Ending.OK) >= _OF_A_LIST]
+    again = [poll for poll in polls if any(_stands(poll, times) for times in _TIMES)]
+    if len(again) >= max(_SEVERAL, _MOSTLY * len(polls)) and evidence.is_open(Symptom.REQUESTS, None):
         count, asked = sum(poll.repeats for poll in again), sum(poll.asked for poll in again)
         yield Left(None, count, _said("twice", {"exchanges": count, "asked": asked}))
+
+
+def _stands(poll: Poll, times: int) -> bool:
+    """Whether a poll comes so many times in a row."""
+    due = poll.count(Ending.OK) * (times - 1) / times
+    return abs(poll.repeats - due) <= 1 + _OFTEN * due
 
 
 def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int, int]]:

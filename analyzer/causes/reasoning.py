@@ -14,6 +14,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 from captures.line import LineSettings
 
+from ..failures import CAUSES, FailedPart, Failures
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.taps import may_speak_of
@@ -24,7 +25,7 @@ from .foretold import against_bits, struck
 from .gathered import GATHERED, GatheredRows
 from .ledger import Ledger
 from .leftovers import Left, left_over
-from .registry import Cause, Explained, Suspect, Suspicion, Symptom, suspects, words_of
+from .registry import Cause, Explained, Suspect, Suspicion, suspects, words_of
 from .traits import Traits, sorts_of, traits_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
@@ -33,7 +34,8 @@ _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
 _HARDLY: Final = 0.06  # a claim no surer than that explains nothing
 _LIKELIER_THAN_NOT: Final = 0.5
-_MOSTLY: Final = 0.6  # of the exchanges that the heaviest explains
+_LEAST: Final = 1e-6  # of an exchange: values show in none
+_TWICE: Final = 2.0  # as likely must be what takes the place of the heaviest
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
@@ -45,23 +47,28 @@ class Weighed:
     suspicion: Suspicion
 
 
-def weigh(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[Weighed]:
-    """All suspicions that explain something new, the heaviest first; `among`: the suspects looked at (all)."""
+def weigh(
+    evidence: Evidence, among: Sequence[Suspect] | None = None, failures: Failures | None = None
+) -> list[Weighed]:
+    """All suspicions that explain something new, the heaviest first; `among`: the suspects looked at (all).
+
+    Judges that failed are told by `failures`; those that are there already are not asked.
+    """
     line = evidence.ledger.line
     looked_at = suspects() if among is None else among
-    speaking = [each for each in looked_at if may_speak_of(each.cause, line)]
-    found = [
-        Weighed(
-            each,
-            replace(
-                suspicion, bits=suspicion.bits - suspicion.against - against_bits(evidence, each.foretold, suspicion)
-            ),
-        )
-        for each in speaking
-        for suspicion in each.judge(evidence)
-    ]
+    failures = Failures() if failures is None else failures
+    found = list[Weighed]()
+    for each in looked_at:
+        if each.cause not in failures and may_speak_of(each.cause, line):
+            with failures.contained(each.cause):
+                found += [_weighed(evidence, each, suspicion) for suspicion in each.judge(evidence)]
     fresh = [weighed for weighed in found if not weighed.suspicion.explains <= evidence.explained]
     return sorted(fresh, key=lambda weighed: -weighed.suspicion.bits)
+
+
+def _weighed(evidence: Evidence, suspect: Suspect, suspicion: Suspicion) -> Weighed:
+    bits = suspicion.bits - suspicion.against - against_bits(evidence, suspect.foretold, suspicion)
+    return Weighed(suspect, replace(suspicion, bits=bits))
 
 
 class CauseClaim(NamedTuple):
@@ -75,10 +82,11 @@ class CauseClaim(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """What a ledger shows: causes, best first, and what none of them takes."""
+    """What a ledger shows: causes, best first, and what none of them takes; judges that `failed` said nothing."""
 
     causes: list[Cause]
     not_explained: list[Left]
+    failed: tuple[FailedPart, ...] = ()
 
 
 def causes_of(ledger: Ledger) -> list[Cause]:
@@ -88,20 +96,22 @@ def causes_of(ledger: Ledger) -> list[Cause]:
 
 def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     """The causes that a ledger shows, and what is left; `among`: the suspects looked at (all)."""
-    evidence = Evidence(ledger)
+    evidence, failures = Evidence(ledger), Failures()
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
-        return Story([claim.cause for claim in claims_of(evidence, among)], [])
-    claims = [claim for claim in claims_of(evidence, among) if claim.cause.confidence > _HARDLY]
-    taken = frozenset[tuple[Symptom, int | None]]().union(*(claim.struck for claim in claims))
-    return Story([claim.cause for claim in claims], left_over(evidence.without(taken)))
+        return Story([claim.cause for claim in claims_of(evidence, among, failures)], [], failures.parts)
+    claims = [claim for claim in claims_of(evidence, among, failures) if claim.cause.confidence > _HARDLY]
+    return Story([claim.cause for claim in claims], left_over(evidence.without(_taken(claims))), failures.parts)
 
 
-def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
+def claims_of(
+    evidence: Evidence, among: Sequence[Suspect] | None = None, failures: Failures | None = None
+) -> list[CauseClaim]:
     """The best suspicions, one after the other, each with what its certainty goes by."""
     found, least, left = list[_PickedCause](), THRESHOLD, evidence
+    failures = Failures() if failures is None else failures
     for _ in range(_CAUSES_MOST):
-        weighed = weigh(left, among)
+        weighed = weigh(left, among, failures)
         if not weighed or weighed[0].suspicion.bits < least:
             break
         best = _likeliest(left, [each for each in weighed if each.suspicion.bits >= least])
@@ -110,24 +120,26 @@ def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> lis
         takes = struck(left, best.suspect.foretold, best.suspicion) - left.explained
         found.append(_PickedCause(best, rival, left, takes))
         left = left.without(takes)
-    exchanges = sum(each.exchanges for each in left_over(left) if each.unit is not None)
     but_for_others = [evidence.without(_taken(other for other in found if other is not each)) for each in found]
-    return [_claim(each, but, exchanges) for each, but in zip(found, but_for_others, strict=True)]
+    return [_claim(each, but) for each, but in zip(found, but_for_others, strict=True)]
 
 
 def _likeliest(evidence: Evidence, weighed: Sequence[Weighed]) -> Weighed:
-    """The heaviest; where it is likelier not so, of those that explain most of what it does the one whose bits, as far as it
-    is sure, are most: bits tell that something is wrong more than what it is."""
+    """The heaviest; where it is likelier not so, of those that explain some of what it does the one whose bits, as far as it
+    is sure and explains the same, are most, if they are twice its own: bits tell that something is wrong more than what."""
     takes = weighed[0].suspicion.explains
-    every = _exchanges(evidence, takes)
-    some = [each for each in weighed if _exchanges(evidence, takes & each.suspicion.explains) >= _MOSTLY * every]
-    some = [each for each in some if each.suspicion.explains & takes]
+    some = [each for each in weighed if each.suspicion.explains & takes]
     own = {each.suspect.cause: _certainty(evidence, each, _rival(each, weighed)) for each in some[::-1]}
     sure = {each.suspect: max(own[each.suspect.cause], own.get(each.suspect.foretold.kind_of, 0.0)) for each in some}
     first = some[0]
     if sure[first.suspect] >= _LIKELIER_THAN_NOT:
         return first
-    return max(some, key=lambda each: each.suspicion.bits * sure[each.suspect])
+
+    def weight(each: Weighed) -> float:
+        shared = _exchanges(evidence, takes & each.suspicion.explains) + _LEAST
+        return each.suspicion.bits * sure[each.suspect] * shared * _TWICE ** (each is first)
+
+    return max(some, key=weight)
 
 
 def _exchanges(evidence: Evidence, explains: Explained) -> float:
@@ -145,7 +157,7 @@ def _rival(one: Weighed, weighed: Sequence[Weighed]) -> Weighed | None:
 
 def _certainty(evidence: Evidence, one: Weighed, rival: Weighed | None) -> float:
     rival_bits = rival.suspicion.bits if rival else 0.0
-    goes_by = clues(evidence, one.suspicion, one.suspect.foretold, rival_bits=rival_bits, left=0)
+    goes_by = clues(evidence, one.suspicion, one.suspect.foretold, rival_bits=rival_bits)
     return certainty(one.suspect.cause, goes_by, traits_of(evidence, one.suspicion))
 
 
@@ -158,15 +170,15 @@ class _PickedCause(NamedTuple):
     struck: Explained
 
 
-def _taken(found: Iterable[_PickedCause]) -> Explained:
-    return frozenset[tuple[Symptom, int | None]]().union(*(each.struck for each in found))
+def _taken(found: Iterable[_PickedCause | CauseClaim]) -> Explained:
+    return frozenset(symptom for each in found for symptom in each.struck)
 
 
-def _claim(taken: _PickedCause, but_for_others: Evidence, left: int) -> CauseClaim:
+def _claim(taken: _PickedCause, but_for_others: Evidence) -> CauseClaim:
     best, rival, evidence, _ = taken
     suspect, found, ledger = best.suspect, best.suspicion, evidence.ledger
     timed, rival_bits = ledger.timed, rival.suspicion.bits if rival is not None else 0.0
-    goes_by = clues(evidence, found, suspect.foretold, rival_bits=rival_bits, left=left)
+    goes_by = clues(evidence, found, suspect.foretold, rival_bits=rival_bits)
     traits = traits_of(but_for_others, found)
     words = words_of(suspect, found.numbers)
     cause = Cause(
@@ -240,6 +252,7 @@ class RunningStory:
         self._begin(line)
         self.revision = 0
         self.causes: list[Cause] = []
+        self._failures = Failures()
 
     def _begin(self, line: LineSettings) -> None:
         self._ledger, self._next = Ledger(line, self._options), _FIRST
@@ -250,7 +263,15 @@ class RunningStory:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
         if line != self._ledger.line:
             self._begin(line)
+        if CAUSES in self._failures:
+            return []
         self._waiting.add(batch, transactions)
+        with self._failures.contained(CAUSES):
+            return self._looked()
+        return []
+
+    def _looked(self) -> list[CauseRevision]:
+        """What a look shows that is over by now, or is due."""
         if self._going is not None:
             return self._told(self._going.result()) if self._going.done() else []
         if self._waiting.rows < min(GATHERED, self._next - self._ledger.exchanges):
@@ -266,10 +287,15 @@ class RunningStory:
 
     def close(self) -> list[CauseRevision]:
         """No more comes."""
-        before = [] if self._going is None else self._told(self._going.result())
-        self._waiting.enter(self._ledger)
-        self._ledger.close()
-        return [*before, *self._told(causes_of(self._ledger))]
+        if CAUSES in self._failures:
+            return []
+        told = list[CauseRevision]()
+        with self._failures.contained(CAUSES):
+            told += [] if self._going is None else self._told(self._going.result())
+            self._waiting.enter(self._ledger)
+            self._ledger.close()
+            told += self._told(causes_of(self._ledger))
+        return told
 
     def _told(self, causes: list[Cause]) -> list[CauseRevision]:
         """What a look shows that the one before did not."""

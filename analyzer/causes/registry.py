@@ -95,7 +95,9 @@ LENGTHS: Final = frozenset(("answer-bytes", "quantity"))  # by which more is hit
 ASKED_FOR: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll"))  # of requests
 
 
-OF_A_LINE: Final = Foretold({Symptom.DAMAGE: COMES_AND_GOES | LENGTHS}, client_loses=True)  # whose frames are spoilt
+OF_A_LINE: Final = Foretold(  # whose frames are spoilt, whoever was asked before
+    {Symptom.DAMAGE: (COMES_AND_GOES - {"unit-before"}) | LENGTHS}, client_loses=True
+)
 
 
 @dataclass(frozen=True, eq=False)

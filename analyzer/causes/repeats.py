@@ -11,7 +11,7 @@ import numpy as np
 from ..deframing.tap_clock import UNKNOWN
 from ..tables.transactions import ECHOED
 from .bits import strays, surplus_bits
-from .evidence import HEALTHY, Evidence
+from .evidence import Evidence, usual_rate
 from .exchanges import Ending
 from .rawbytes import ENDING, is_in_ascii
 from .registry import Symptom
@@ -67,7 +67,7 @@ def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
 def waits_longer(evidence: Evidence, unit: UnitLedger, times: float = _LONGER) -> bool:
     """Whether the master waits longer behind a unit's answers, before it repeats what it asked, than nearly ever behind
     others': it had not given up when they came. The last unit of a round, behind which it rests, tells nothing."""
-    found = (other.pauses.quantile(0.9) for other in evidence.units if other is not unit)
+    found = (other.pauses.quantile(0.9) for other in evidence.others(unit))
     usual, waited = [pause for pause in found if pause is not None], unit.redundant_pauses.quantile(0.1) or 0.0
     return waited > times * max(median_low(usual or [UNKNOWN]), evidence.ledger.char_ns)
 
@@ -138,7 +138,7 @@ def _behind(evidence: Evidence, unit: int, behind: Set[int]) -> _HitBehind:
     hit, asked = successors.met_of(unit) - met, successors.followed_of(unit) - followed
     if asked < _CONTRAST or hit > _ELSEWHERE * met or not evidence.is_open(Symptom.DAMAGE, unit):
         return _HitBehind(met, followed, 0.0, asked)
-    bits = surplus_bits(met, followed, max(HEALTHY, (hit + 0.5) / (asked + 50)))
+    bits = surplus_bits(met, followed, usual_rate(hit, asked))
     return _HitBehind(met, followed, bits, asked)
 
 

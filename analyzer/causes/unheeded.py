@@ -40,11 +40,11 @@ def unheeded(evidence: Evidence) -> dict[int, int]:
     off = evidence.verdict.wait_ns
     if not evidence.ledger.timed or not np.isfinite(off):
         return {}
-    rows, char_ns = evidence.ledger.table.rows, evidence.ledger.char_ns
+    rows = evidence.ledger.table.rows
     good = (rows.outcome == Ending.OK) & (rows.wait >= 0) & (rows.delay >= 0) & (rows.due > 0)
     if not good.any():
         return {}
-    rests = rows.wait - rows.delay - rows.due * char_ns
+    rests = rows.rested.astype(np.float64)
     far = good & (rests > _FAR_LONGER * max(float(np.quantile(rests[good], _USUAL)), 0.0) + off)
     lost = (far & _by_timer(rows, rests, far, off)) | _again(rows, good, far, off)
     long = far & (rests > _TOLD * off)  # what a clock adds to a delay it takes from the rest

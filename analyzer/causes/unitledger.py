@@ -19,9 +19,6 @@ from .samples import Samples
 _EXAMPLES: Final = 3
 _SEVERAL: Final = 5
 AT_ONCE_NS: Final = 40e6
-_OK, _EXCEPTION, _SILENT, _GARBAGE, _UNHEARD, _ECHO = (
-    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.UNHEARD, Ending.ECHO)
-)
 BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 _OF_WAIT: Final = ("wait", "rested")
 
@@ -49,7 +46,7 @@ def _followed(rows: AskedRows) -> Bools:
 
 
 def _silent(rows: AskedRows) -> Bools:
-    found: Bools = rows.outcome == _SILENT
+    found: Bools = rows.outcome == Ending.SILENT
     return found
 
 
@@ -108,7 +105,7 @@ class UnitLedger:
     echo_waits = UnitFigures("wait", lambda rows: rows.doubtful)
     quiet_waits = UnitFigures("wait", _quiet)
     quiet_again = UnitFigures("wait", lambda rows: _quiet(rows) & rows.next_same)
-    garbage_again = UnitFigures("wait", lambda rows: (rows.outcome == _GARBAGE) & rows.next_same)  # of damaged answers
+    garbage_again = UnitFigures("wait", lambda rows: (rows.outcome == Ending.GARBAGE) & rows.next_same)  # damaged ones
     gaps = UnitFigures("gap", lambda rows: rows.good)  # silence between a request and its answer by the reads
     holes = UnitFigures("hole", lambda rows: rows.good)  # the longest silence inside an answer
 
@@ -167,29 +164,29 @@ class UnitLedger:
             few = self.examples.setdefault(kind, [])
             if len(few) < _EXAMPLES:
                 few += mine.request[outcome == kind][: _EXAMPLES - len(few)].tolist()
-        if answered := int(counts[_OK] + counts[_EXCEPTION]):
+        if answered := int(counts[Ending.OK] + counts[Ending.EXCEPTION]):
             self._add_answers(mine)
         spells = (self.silences, self.silences_but_echoes, self.silences_of_others)
-        if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
+        if counts[Ending.SILENT] or counts[Ending.GARBAGE] or self.silences_but_echoes.is_open:
             self._add_silences(mine, times, spells)
         elif answered:
             for each in spells:
                 each.pass_over(int(times[-1]))
-        if counts[_EXCEPTION] or self.refusals.is_open:
+        if counts[Ending.EXCEPTION] or self.refusals.is_open:
             busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))
             self.refusals.add(busy, times, np.zeros_like(busy), mine.repeats)
 
     def _add_silences(self, mine: Exchanges, times: Int64s, spells: tuple[Spells, ...]) -> None:
         outcome = mine.outcome
-        self.strayed += int(np.count_nonzero((outcome == _SILENT) & (mine.noise > 0)))
-        heard = (outcome != _UNHEARD) & (outcome != _ECHO)  # what a tap shows of its own ends no silence
+        self.strayed += int(np.count_nonzero((outcome == Ending.SILENT) & (mine.noise > 0)))
+        heard = (outcome != Ending.UNHEARD) & (outcome != Ending.ECHO)  # what a tap shows of its own ends no silence
         echoes = _are_echoes(mine)
         but = np.zeros_like(echoes), echoes, ECHOED[mine.function]
         for each, left_out in zip(spells, but, strict=True):
             which = heard & ~left_out
             ended = outcome[which]
-            each.add(ended == _SILENT, times[which], ended == _GARBAGE, mine.repeats[which])
+            each.add(ended == Ending.SILENT, times[which], ended == Ending.GARBAGE, mine.repeats[which])
 
     def add_echo(self, delay_ns: int) -> None:
         """Count an answer that is not the one to the request before it, and reads like a request; `delay_ns`: behind one
@@ -199,7 +196,7 @@ class UnitLedger:
             self.echo_delays.add(np.array((delay_ns,)))
 
     def _add_answers(self, mine: Exchanges) -> None:
-        good = mine.outcome <= _EXCEPTION
+        good = mine.outcome <= Ending.EXCEPTION
         self.behind += int(np.count_nonzero(good & ((mine.noise > 0) | (mine.strays > 0))))
         self.marked += int(np.count_nonzero(mine.marks[good]))
         self.marked_bytes += int(mine.marks[good].sum())
@@ -211,5 +208,5 @@ class UnitLedger:
 
 def _are_echoes(mine: Exchanges) -> Bools:
     """Which exchanges are answered by what reads like their request once more."""
-    found: Bools = ECHOED[mine.function] & (mine.outcome == _OK) & (mine.answer_bytes == mine.asked_bytes)
+    found: Bools = ECHOED[mine.function] & (mine.outcome == Ending.OK) & (mine.answer_bytes == mine.asked_bytes)
     return found

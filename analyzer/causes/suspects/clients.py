@@ -17,6 +17,7 @@ from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import CalledBack, broadcasts_answered, called_back
 from ..signatures import Behind
+from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
 _MOSTLY: Final = 0.5
@@ -27,6 +28,9 @@ _STORM_LOAD: Final = 0.3  # of the time, that bytes take
 _STARVED: Final = 0.02  # of the requests to units
 _STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
 _HOLE_CHARS: Final = 1.5
+_FAR_LONGER: Final = 3.0
+_NEARLY_ALL: Final = 0.95
+_SOME: Final = 0.25
 
 
 @suspect(
@@ -43,26 +47,36 @@ _HOLE_CHARS: Final = 1.5
 )
 def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
     """Bytes behind broadcasts, or what is sent soon behind them hit and little else."""
-    ledger = evidence.ledger
-    answered, back = ledger.broadcasts_answered, called_back(evidence)
-    calls = max(answered, min(back.met, ledger.broadcasts))
+    ledger, echoes = evidence.ledger, _given_back(evidence)
+    answered, back = ledger.broadcasts_answered + echoes, called_back(evidence)
+    broadcasts = ledger.broadcasts - echoes
+    calls = max(answered, min(back.met, broadcasts))
     if calls < 3 or not evidence.is_open(Symptom.REQUESTS, 0):
         return
     noisy = sum(evidence.behind(unit, Behind.NOISE) for unit in evidence.units)
     background = max(0.02, 2 * (noisy + 0.5) / (sum(unit.asked for unit in evidence.units) + 50))
     yield Suspicion(
         tuple(sorted(unit.unit for unit in ledger.units.values() if unit.called)),
-        surplus_bits(answered, ledger.broadcasts, background) * 1.1 + back.bits,
+        surplus_bits(answered, broadcasts, background) * 1.1 + back.bits,
         frozenset({(Symptom.REQUESTS, 0)} | (_run_into(evidence, back) if broadcasts_answered(evidence) else set())),
         {
             "answered": answered,
             "calls": calls,
-            "broadcasts": ledger.broadcasts,
+            "broadcasts": broadcasts,
             "met": back.met,
             "met_of": back.met_of,
         },
         frames=tuple(ledger.called_examples),
     )
+
+
+def _given_back(evidence: Evidence) -> int:
+    """Broadcasts that come once more sooner than the client ever sends anything: a device gives them back."""
+    ledger = evidence.ledger
+    soon = (ledger.broadcast_repeats.quantile(0.5) or UNKNOWN) + evidence.verdict.wait_ns
+    rested = ledger.pauses.above(soon) >= _NEARLY_ALL and ledger.turnarounds.above(_FAR_LONGER * soon) >= _SOME
+    in_pairs = 2 * ledger.broadcasts_again <= ledger.broadcasts + 1 and not ledger.echoing
+    return ledger.broadcasts_again * (rested and in_pairs)
 
 
 def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | None]]:
@@ -88,8 +102,8 @@ def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | 
 def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     """Broadcasts without turnaround, most of all requests."""
     ledger = evidence.ledger
-    share = ledger.broadcasts / max(ledger.exchanges, 1)
-    if ledger.broadcasts < _STORM or share < _MOSTLY or ledger.broadcast_runs < 0.4 * ledger.broadcasts:
+    least = max(_STORM, _MOSTLY * ledger.exchanges)
+    if ledger.broadcasts < least or ledger.broadcast_runs < 0.4 * ledger.broadcasts:
         return
     pause = _mean_pause(evidence)
     if pause is None or pause > max(_STORM_NS, _STORM_PAUSES * (evidence.t35_ns or 0.0)):
@@ -150,7 +164,7 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
     least, fine = _least_hole(evidence), evidence.verdict.fine
     if not np.isfinite(least):
         return
-    shares = [(unit.holes.above(least), unit) for unit in evidence.units if len(unit.holes) >= _LEAST]
+    shares = [(_broken(evidence, unit, least), unit) for unit in evidence.units if len(unit.holes) >= _LEAST]
     behind = sorted([pair for pair in shares if pair[0] > 0.1], key=lambda pair: -pair[0])
     others = [pair for pair in shares if pair[0] <= 0.1]
     broken = sum(share * len(unit.holes) for share, unit in behind)
@@ -176,12 +190,19 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
     )
 
 
+def _broken(evidence: Evidence, unit: UnitLedger, least: float) -> float:
+    """The share of a unit's answers that come in pieces; 0 where the client takes few of these: then their rest is late."""
+    rows = evidence.rows(unit.unit)
+    torn = rows[rows.good & (rows.hole > least)]
+    return 0.0 if np.count_nonzero(torn.next_same) > _MOSTLY * len(torn) else unit.holes.above(least)
+
+
 def _least_hole(evidence: Evidence) -> float:
     """The shortest silence inside a frame that the clock carries (ns); infinite where it carries none."""
     ledger, verdict = evidence.ledger, evidence.verdict
     if not ledger.line.baud or not ledger.timed:
         return UNKNOWN
-    wrong = 1.5 * verdict.jitter_ns if verdict.fine else 4.0 * verdict.wait_ns
+    wrong = 1.5 * verdict.jitter_ns if verdict.fine else min(4.0 * verdict.wait_ns, 2.0 * evidence.tap_holes_ns)
     return max(_HOLE_CHARS * ledger.char_ns, wrong)
 
 

@@ -1,11 +1,11 @@
-"""What suspicions of one shape share: units whose answers come damaged, beside the others."""
+"""What suspicions of one shape share: units whose answers come damaged, beside the others; values of a unit."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from ..costs import cost, together
+from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Suspicion, Symptom
@@ -26,6 +26,15 @@ def answers_of(evidence: Evidence, units: Iterable[UnitLedger]) -> tuple[int, in
     return sum(damaged for damaged, _ in pairs), sum(map(sum, pairs))
 
 
+def value_suspicion(
+    unit: int, bits: float, numbers: Mapping[str, Any], since: int | None = None, until: int | None = None
+) -> Suspicion:
+    """What registers of a unit hold."""
+    return Suspicion(
+        (unit,), bits, frozenset({(Symptom.VALUES, unit)}), {"unit": unit, **numbers}, since=since, until=until
+    )
+
+
 def damage_suspicion(
     evidence: Evidence,
     units: Sequence[UnitLedger],
@@ -35,7 +44,7 @@ def damage_suspicion(
 ) -> Suspicion:
     """The damaged answers of these units."""
     damaged, answers = answers_of(evidence, units)
-    others_damaged, others_answers = answers_of(evidence, (unit for unit in evidence.units if unit not in units))
+    others_damaged, others_answers = answers_of(evidence, evidence.others(*units))
     lost = together(cost(evidence, unit, Ending.GARBAGE) for unit in units)
     times = [sample.t_asked for unit in units for sample in unit.samples.kept] if evidence.ledger.timed else []
     return Suspicion(
@@ -56,4 +65,34 @@ def damage_suspicion(
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=examples(units, Ending.GARBAGE),
+    )
+
+
+def silent_suspicion(
+    evidence: Evidence,
+    units: Sequence[UnitLedger],
+    bits: float,
+    kinds: Sequence[Symptom],
+    numbers: Mapping[str, Any],
+    lost: LostAnswers,
+    ending: Ending = Ending.SILENT,
+) -> Suspicion:
+    """Units that do not answer, or refuse to, beside the others; `ending`: what became of the requests."""
+    others = evidence.others(*units)
+    return Suspicion(
+        tuple(unit.unit for unit in units),
+        bits,
+        frozenset((kind, unit.unit) for unit in units for kind in kinds),
+        {
+            "unit": units[0].unit,
+            "others_asked": sum(map(evidence.known, others)),
+            "others_answered": sum(other.answered for other in others),
+            "others_silent": sum(map(evidence.surely_silent, others)),
+            **numbers,
+        },
+        since=min(unit.first for unit in units),
+        until=max(unit.last for unit in units),
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
+        frames=examples(units, ending),
     )

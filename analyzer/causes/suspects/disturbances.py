@@ -15,7 +15,7 @@ from ..costs import cost_behind_damage, cost_of, kind_bits, overlaid, share_of, 
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..flatmemory import CrowdedTimes
-from ..foretold import own_silences
+from ..foretold import of_all
 from ..hits import (
     ALIKE,
     WELL,
@@ -31,7 +31,7 @@ from ..hits import (
     spares_units,
     spells_of_hits,
 )
-from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from .common import examples
 
@@ -58,11 +58,7 @@ _OF_INTERFERENCE: Final = replace(OF_A_LINE, kind_of="interference")
 _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be known
 
 
-def _all_explained(evidence: Evidence) -> Explained:
-    kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.MARKS, Symptom.SILENCE, Symptom.LATENESS)
-    found = {(kind, unit.unit) for unit in evidence.units for kind in kinds}
-    found -= own_silences(evidence)
-    return frozenset(found | {(Symptom.FRAMING, None)})
+_TAKES: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.MARKS, Symptom.SILENCE, Symptom.LATENESS)
 
 
 def _place_bits(hits: Hits, on_frames: float) -> float:
@@ -125,14 +121,13 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0)
 
 
 def _suspicion(evidence: Evidence, struck: _Struck, more: Mapping[str, Any], **times: Any) -> Suspicion:
-    lost = together(
-        (cost_of(evidence, _all_explained(evidence)), *(cost_behind_damage(evidence, unit) for unit in evidence.units))
-    )
+    explains = of_all(evidence, _TAKES)
+    lost = together((cost_of(evidence, explains), *(cost_behind_damage(evidence, unit) for unit in evidence.units)))
     frames = examples(evidence.units, Ending.GARBAGE)
     return Suspicion(
         (),
         struck.bits,
-        _all_explained(evidence),
+        explains,
         {**struck.hits.numbers, **more},
         lost_answers=lost.answers,
         lost_ms=lost.ms,

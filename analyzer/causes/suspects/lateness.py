@@ -14,7 +14,7 @@ from ...tables.findings import Severity
 from ..answeredas import lent
 from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits, kind_of, untimely
-from ..evidence import HEALTHY, Evidence, alone_or_together
+from ..evidence import Evidence, alone_or_together, usual_rate
 from ..exchanges import Ending
 from ..givenup import all_repeated, asked_again_though_slow, given_up_on, repeated_by_timer
 from ..hits import given_up_by_timer, interrupted, late_units, timed_by_the_master
@@ -126,7 +126,7 @@ def _suspicion(
     evidence: Evidence, group: Sequence[_LateUnit], late: Mapping[int, int], mine: int, rest: int
 ) -> Suspicion:
     units = [each.unit for each in group]
-    others = [other for other in evidence.units if other not in units]
+    others = evidence.others(*units)
     background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
     bits, slow, explains = 0.0, 0.0, set[tuple[Symptom, int | None]]()
     for each in group:
@@ -178,7 +178,7 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     bits, mine, by_chance = 0.0, 0, 0.0
     for behind in successors.behind(unit.unit):
         then, then_of, other, other_of = successors.rates(behind, unit.unit)
-        elsewhere = max(HEALTHY, (other + 0.5) / (other_of + 50))
+        elsewhere = usual_rate(other, other_of)
         if other_of < _CONTRAST and (
             behind not in ledgers or kind_bits(evidence.readings(ledgers[behind]), _KINDS) <= 0
         ):

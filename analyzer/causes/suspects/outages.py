@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, log2
 from statistics import median
 from typing import Final
@@ -23,7 +23,7 @@ from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import only_repeats
 from ..unitledger import UnitLedger
-from .common import examples
+from .common import silent_suspicion
 from .silence import EXCUSED, SILENT, is_spell, silence_bits
 from .states import excused
 
@@ -77,7 +77,7 @@ def _at_once(spells: Sequence[tuple[int, Spell]]) -> dict[int, Spell]:
     """The first one, and those that may have begun with it: no answer came between, of any of their units."""
     found = dict(spells[:1])
     (first,) = found.values()
-    latest = first.begin + _SLACK * (first.end - first.begin)
+    latest = first.begin + _SLACK * (0 if first.before is None else first.end - first.begin)
     for unit, spell in spells[1:]:
         over = first.before is not None and spell.begin > first.before
         if unit not in found and not over and (spell.after is None or spell.after <= latest):
@@ -154,29 +154,21 @@ def _behind_gateway(evidence: Evidence) -> Iterator[Suspicion]:
     found = excused(evidence)
     if len(found) < 2:
         return
-    units = [evidence.ledger.units[number] for number in found]
-    rest = [unit for unit in evidence.units if unit.unit not in found]
-    begins = [state.begin for state in found.values() if state.begin is not None]
-    refused, asked = sum(state.refused for state in found.values()), sum(state.asked for state in found.values())
-    yield Suspicion(
-        tuple(found),
-        sum(silence_bits(state.refused, state.asked) for state in found.values()),
-        frozenset((kind, unit) for unit in found for kind in (Symptom.REFUSAL, Symptom.SILENCE)),
-        {
-            "list": tuple(sorted(found)),
-            "again": " and stay so",
-            "silent": refused,
-            "asked": asked,
-            "how": EXCUSED,
-            "others": ", while others answered" if any(unit.answered for unit in rest) else "",
-            "others_silent": sum(map(evidence.silent, rest)),
-            "others_asked": sum(unit.asked for unit in rest),
-        },
-        since=min(begins, default=min(unit.first for unit in units)),
-        until=max(unit.last for unit in units),
-        lost_answers=refused,
-        frames=examples(units, Ending.EXCEPTION),
-    )
+    units, states = [evidence.ledger.units[number] for number in found], found.values()
+    refused = sum(state.refused for state in states)
+    others = any(unit.answered for unit in evidence.others(*units))
+    numbers = {
+        "list": tuple(sorted(found)),
+        "again": " and stay so",
+        "silent": refused,
+        "asked": sum(state.asked for state in states),
+        "how": EXCUSED,
+        "others": ", while others answered" if others else "",
+    }
+    bits = sum(silence_bits(state.refused, state.asked) for state in states)
+    kinds, lost = (Symptom.REFUSAL, Symptom.SILENCE), LostAnswers(refused)
+    cause = silent_suspicion(evidence, units, bits, kinds, numbers, lost, Ending.EXCEPTION)
+    yield replace(cause, since=min(state.since(unit) for state, unit in zip(states, units, strict=True)))
 
 
 def silent_together(evidence: Evidence) -> list[list[Outage]]:
@@ -243,34 +235,30 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
     mine = [ledgers[unit] for unit, n in inside.most_common() if n >= _INSIDE * evidence.silent(ledgers[unit])]
     if len(mine) < 2:
         return
-    rest = [unit for unit in evidence.units if unit not in mine]
+    rest = evidence.others(*mine)
     silent, asked = sum(inside[unit.unit] for unit in mine), sum(unit.asked for unit in mine)
     lost = together(_inside(evidence, unit, inside[unit.unit]) for unit in mine)
     begins = [outage.begin for outage in group]
     few = [unit for unit in rest if unit.answered and evidence.silent(unit) < _FEW * len(group)]
-    yield Suspicion(
-        tuple(unit.unit for unit in mine),
-        sum(silence_bits(inside[unit.unit], inside[unit.unit]) for unit in mine)
-        - _OUTAGE_BITS * len(group)
-        + sum(outage.bits for outage in group),
-        frozenset((Symptom.SILENCE, unit.unit) for unit in (*mine, *few)),
-        {
-            "list": tuple(sorted(unit.unit for unit in mine)),
-            "again": _how_long(group),
-            "silent": silent,
-            "asked": asked,
-            "how": SILENT,
-            "others": _others(evidence, group, rest),
-            "others_silent": sum(map(evidence.silent, rest)),
-            "others_asked": sum(unit.asked for unit in rest),
-        },
+    numbers = {
+        "list": tuple(sorted(unit.unit for unit in mine)),
+        "again": _how_long(group),
+        "silent": silent,
+        "asked": asked,
+        "how": SILENT,
+        "others": _others(evidence, group, rest),
+        "others_silent": sum(map(evidence.silent, rest)),
+        "others_asked": sum(unit.asked for unit in rest),
+    }
+    bits = sum(silence_bits(inside[unit.unit], inside[unit.unit]) for unit in mine) - _OUTAGE_BITS * len(group)
+    bits += sum(outage.bits for outage in group)
+    yield replace(
+        silent_suspicion(evidence, mine, bits, (Symptom.SILENCE,), numbers, lost),
+        explains=frozenset((Symptom.SILENCE, unit.unit) for unit in (*mine, *few)),
         since=begins[0],
         until=max(outage.end for outage in group),
         period_s=mean_period_s(begins),
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
         severity=Severity.NOTE if _is_over(group) else None,
-        frames=examples(mine, Ending.SILENT),
     )
 
 

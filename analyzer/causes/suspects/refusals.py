@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
+from ...requests.asked import span_words
+from ...requests.corrections import Areas
 from ...requests.reasons import Unserved
 from ...tables.findings import Severity
 from ..bits import clustering_bits, mean_period_s, surplus_bits
+from ..costs import LostAnswers
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 from ..unserved import asks, unserved_of
-from .common import examples
+from .common import silent_suspicion
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
@@ -49,23 +54,13 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
         runs = len(spells) + unit.refusals.single + unit.refusals.more
         codes = [code for poll in evidence.polls_of(unit.unit) for code in poll.exceptions if code in (5, 6)]
         begins = [each.begin for each in spells]
-        yield Suspicion(
-            (unit.unit,),
-            surplus_bits(unit.busy, unit.asked, _BUSY_BACKGROUND) + clustering_bits(unit.busy, unit.asked, runs),
-            frozenset({(Symptom.REFUSAL, unit.unit)}),
-            {
-                "unit": unit.unit,
-                "busy": unit.busy,
-                "asked": unit.asked,
-                "spells": runs,
-                "code": f"{max(set(codes), key=codes.count, default=_BUSY):02d}",
-            },
-            since=begins[0] if begins else unit.first,
-            until=spells[-1].end if spells else unit.last,
-            period_s=mean_period_s(begins),
-            lost_answers=unit.busy,
-            frames=examples([unit], Ending.EXCEPTION),
-        )
+        bits = surplus_bits(unit.busy, unit.asked, _BUSY_BACKGROUND) + clustering_bits(unit.busy, unit.asked, runs)
+        code = f"{max(set(codes), key=codes.count, default=_BUSY):02d}"
+        numbers, lost = {"busy": unit.busy, "asked": unit.asked, "spells": runs, "code": code}, LostAnswers(unit.busy)
+        cause = silent_suspicion(evidence, [unit], bits, (Symptom.REFUSAL,), numbers, lost, Ending.EXCEPTION)
+        if spells:
+            cause = replace(cause, since=begins[0], until=spells[-1].end, period_s=mean_period_s(begins))
+        yield cause
 
 
 def _refused(evidence: Evidence, unit: int, codes: tuple[int, ...]) -> list[Poll]:
@@ -88,35 +83,19 @@ def _well(evidence: Evidence, unit: int, functions: tuple[int, ...]) -> list[Pol
 
 def _beside(poll: Poll, well: list[Poll]) -> bool:
     """Whether a poll reaches just one register beyond what reads well, or all but one of its registers read well."""
-    for begin, end in _areas(well):
-        if begin <= poll.address < end == poll.end - 1:
-            return True
-        if end >= poll.end > begin == poll.address + 1:
-            return True
-    return any(
-        (poll.quantity == good.quantity and good.end == poll.address) or poll.end == good.address for good in well
-    )
-
-
-def _areas(well: list[Poll]) -> list[tuple[int, int]]:
-    """What these polls read, as addresses [begin, end), those that touch or overlap put together."""
-    areas: list[tuple[int, int]] = []
-    for begin, end in sorted((poll.address, poll.end) for poll in well):
-        if areas and begin <= areas[-1][1]:
-            areas[-1] = areas[-1][0], max(end, areas[-1][1])
-        else:
-            areas.append((begin, end))
-    return areas
+    areas = Areas.joined((good.address, good.end) for good in well).spans
+    beyond = any(begin <= poll.address < end == poll.end - 1 for begin, end in areas)
+    before = any(end >= poll.end > begin == poll.address + 1 for begin, end in areas)
+    follows = any((good.quantity, good.end) == (poll.quantity, poll.address) for good in well)
+    return beyond or before or follows or poll.end in (good.address for good in well)
 
 
 def _suspicions(evidence: Evidence, refused: Mapping[int, list[Poll]], weight: float) -> Iterator[Suspicion]:
     """Units that refuse just the same are of one make: one entry of the list is wrong for all of them."""
-    groups: dict[frozenset[tuple[int, int, int]], list[int]] = {}
+    groups: defaultdict[frozenset[tuple[int, int, int]], list[int]] = defaultdict(list)
     for unit, polls in refused.items():
-        if polls:
-            groups.setdefault(frozenset((each.function, each.address, each.quantity) for each in polls), []).append(
-                unit
-            )
+        groups[frozenset((each.function, each.address, each.quantity) for each in polls)].append(unit)
+    groups.pop(frozenset(), None)
     for units in groups.values():
         yield _suspicion(evidence, tuple(units), refused, weight)
 
@@ -128,24 +107,18 @@ def _suspicion(
     hits = sum(poll.count(Ending.EXCEPTION) for poll in polls)
     asked = sum(poll.asked for poll in polls)
     areas = areas_of(refused[units[0]])
-    return Suspicion(
-        units,
-        surplus_bits(hits, asked, _BACKGROUND) * weight,
-        frozenset((Symptom.REFUSAL, unit) for unit in units),
-        {
-            "units": units,
-            "refused": hits,
-            "asked": asked,
-            "areas": areas,
-            "more": len(refused[units[0]]) - len(areas),
-            "codes": ", ".join(f"{code:02d}" for code in sorted({code for poll in polls for code in poll.exceptions})),
-            **asks(_reason(evidence, units[0])),
-        },
-        since=min(poll.first for poll in polls),
-        until=max(poll.last for poll in polls),
-        lost_answers=hits,
-        frames=examples((evidence.ledger.units[unit] for unit in units), Ending.EXCEPTION),
-    )
+    numbers = {
+        "units": units,
+        "refused": hits,
+        "asked": asked,
+        "areas": areas,
+        "more": len(refused[units[0]]) - len(areas),
+        "codes": ", ".join(f"{code:02d}" for code in sorted({code for poll in polls for code in poll.exceptions})),
+        **asks(_reason(evidence, units[0])),
+    }
+    ledgers, bits = [evidence.ledger.units[unit] for unit in units], surplus_bits(hits, asked, _BACKGROUND) * weight
+    cause = silent_suspicion(evidence, ledgers, bits, (Symptom.REFUSAL,), numbers, LostAnswers(hits), Ending.EXCEPTION)
+    return replace(cause, since=min(poll.first for poll in polls), until=max(poll.last for poll in polls))
 
 
 def _reason(evidence: Evidence, unit: int) -> Unserved | None:
@@ -155,11 +128,7 @@ def _reason(evidence: Evidence, unit: int) -> Unserved | None:
 
 def areas_of(polls: Sequence[Poll]) -> tuple[str, ...]:
     """The addresses of a few polls, as people write them."""
-    return tuple(_area(poll) for poll in polls[:_AREAS])
-
-
-def _area(poll: Poll) -> str:
-    return f"{poll.address}..{poll.end - 1}" if poll.end - poll.address > 1 else f"{poll.address}"
+    return tuple(span_words(poll.address, poll.end) for poll in polls[:_AREAS])
 
 
 _TEST: Final = (

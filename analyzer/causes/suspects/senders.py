@@ -9,16 +9,13 @@ from dataclasses import replace
 from statistics import median
 from typing import Any, Final
 
-import numpy as np
-
 from ...tables.findings import Severity
-from ...tables.transactions import NEVER
 from ..bits import surplus_bits
-from ..costs import cost_of_requests, kind_bits, share_of, together
-from ..evidence import HEALTHY, Evidence, alone_or_together
+from ..costs import cost_of_requests, is_instead_of_request, kind_bits, share_of, together
+from ..evidence import Evidence, alone_or_together, usual_rate
 from ..heads import begun_before, out_of_step_bits, whole_behind_bits
 from ..ledger import STRAY
-from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
+from ..registry import ASKED_FOR, COMES_AND_GOES, OF_A_LINE, Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, is_like_request
 from ..unitledger import UnitLedger
 from .common import damage_suspicion
@@ -151,9 +148,6 @@ _NEARLY: Final = 0.95
 _OWN_BITS: Final = 6.0
 _SURE_BITS: Final = 40.0
 _ALIKE_BITS: Final = 3.0  # an answer behind which stands what stands behind all others
-_DUE: Final = 1.5  # times the usual pause,
-_REQUEST_CHARS: Final = 8
-_FAR: Final = 4.0  # times it
 
 
 @suspect(
@@ -168,6 +162,7 @@ _FAR: Final = 4.0  # times it
     "pause of 50 ms before each request the damage must go",
     remedy="Shorten the time for which {units:unit|units} (or a converter there) {units:|holds its|hold their} driver "
     "after the last byte",
+    foretold=Foretold({Symptom.BEHIND: COMES_AND_GOES | ASKED_FOR | {"rest", "since-write"}}),
 )
 def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
     """The request behind that unit's answers is damaged; of several units, where others' are well."""
@@ -195,14 +190,14 @@ def _half_heard(evidence: Evidence, unit: UnitLedger) -> float:
 def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, float]) -> Suspicion | None:
     spoilt = sum(totals[unit.unit] for unit in units)
     requests = sum(evidence.behind(unit, Behind.REQUEST) for unit in units)
-    others = [other for other in evidence.units if other not in units]
+    others = evidence.others(*units)
     others_spoilt, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
     few = others_spoilt <= _RARELY * others_answered
     if few and all(_always_spoilt(evidence, unit, totals[unit.unit]) for unit in units):
         requests = max(requests, 0.5 * spoilt)  # so damaged that they are not known again
     if requests < _LEAST or requests < 0.3 * spoilt or _begin_well(evidence, units) > _MOSTLY * spoilt:
         return None
-    background = max(HEALTHY, (others_spoilt + 0.5) / (others_answered + 50))
+    background = usual_rate(others_spoilt, others_answered)
     bits = sum(surplus_bits(totals[unit.unit], max(unit.answered, 1), background) for unit in units)
     if bits < _OWN_BITS:
         return None  # requests behind all units' answers are damaged alike
@@ -231,39 +226,24 @@ def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, floa
 
 def _begin_well(evidence: Evidence, units: list[UnitLedger]) -> float:
     """About how many requests behind answers begin as they should: a driver that is held meets their beginning."""
-    begun = 0.0
-    for unit in units:
-        readings = evidence.followed(unit)
-        well = sum(is_like_request(each) and evidence.requests.begin(each.heard, 0) for each in readings)
-        begun += unit.followed.offered * well / max(len(readings), 1)
-    return begun
+
+    def is_so(each: Signature) -> bool:
+        return is_like_request(each) and evidence.requests.begin(each.heard, 0)
+
+    return sum(evidence.about(unit, is_so) for unit in units)
 
 
 def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
     """Whether noise of more than a spike's bytes, or for a request's time, stands behind many good answers of a unit,
     which are well themselves, and no request does."""
     damaged, readings = evidence.damaged(unit), evidence.followed(unit)
-    long = max(sum(reading.length > STRAY for reading in readings), _instead_of_requests(evidence, unit))
+    instead = sum(is_instead_of_request(evidence, *pair) for pair in zip(unit.followed.kept, readings, strict=False))
+    long = max(sum(reading.length > STRAY for reading in readings), instead)
     return (
         spoilt >= _OFTEN * unit.answered
         and spoilt >= _LEAST
         and long >= _MOSTLY * len(readings)
         and damaged <= _RARELY * unit.asked
-    )
-
-
-def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
-    """How often bytes stand behind a unit's good answers when the next request is due, and the next one comes far later
-    than the master pauses: it waits for an answer to what was sent there."""
-    off, usual = evidence.verdict.wait_ns, evidence.ledger.pauses.quantile(0.5)
-    if usual is None or not np.isfinite(off) or not evidence.is_open(Symptom.BEHIND, unit.unit):
-        return 0
-    due = _DUE * usual + _REQUEST_CHARS * evidence.ledger.char_ns + off
-    far = _FAR * (usual + off)
-    pairs = zip(unit.followed.kept, evidence.followed(unit), strict=True)
-    return sum(
-        0 <= each.rested <= due and sample.t_next != NEVER and sample.t_next - each.t_behind > far
-        for sample, each in pairs
     )
 
 
@@ -286,9 +266,9 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
     found = _with_zeros(evidence, totals)
     if not found:
         return
-    first, others = found[0], [unit for unit in evidence.units if unit not in found]
+    first, others = found[0], evidence.others(*found)
     others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
-    background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
+    background = usual_rate(others_zeros, others_answered)
     bits = sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found)
     bits += sum(_ALIKE_BITS * totals[u.unit] for u in found if _is_always_so(evidence, u, totals[u.unit]))
     if totals[first.unit] < _OFTEN * first.answered and bits < _SURE_BITS:

@@ -14,13 +14,13 @@ import numpy as np
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..costs import kind_bits, share_of
-from ..evidence import HEALTHY, Evidence
+from ..evidence import Evidence, usual_rate
 from ..exchanges import Ending
 from ..heads import beginnings
 from ..ledger import ASKED, BAD
 from ..polls import Poll
 from ..rawbytes import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import COMES_AND_GOES, LENGTHS, Foretold, Suspicion, Symptom, suspect
 from ..repeats import waits_longer
 from ..samples import READ_REQUEST
 from ..sentas import formats_as_fast, sent_as
@@ -67,6 +67,7 @@ _MOST_REFUSED: Final = 90.0
     "read well",
     remedy="Set the unit's baud rate, parity and stop bits to those of the line[ ({line})]; a clock that is off by some per cent "
     "(an RC oscillator) means another device is needed",
+    foretold=Foretold({Symptom.DAMAGE: COMES_AND_GOES | LENGTHS}),  # whatever is asked
 )
 def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     """Garbage from one unit, or good answers that its parity bits give away."""
@@ -199,8 +200,8 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     """Answers whose bytes are right and whose parity or stop bits are not."""
     if unit.marked < max(_LEAST, _MARKED * unit.answered):
         return
-    others = [other for other in evidence.units if other.unit != unit.unit]
-    background = max(HEALTHY, (sum(o.marked for o in others) + 0.5) / (sum(o.answered for o in others) + 50))
+    others = evidence.others(unit)
+    background = usual_rate(sum(o.marked for o in others), sum(o.answered for o in others))
     if _marks_all(evidence, unit, others):
         return
     bits = surplus_bits(unit.marked, unit.answered, background)
@@ -272,7 +273,7 @@ def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         or (evidence.verdict.fine and unit.holes.above(_HOLE_CHARS * evidence.ledger.char_ns) > 1 - _NEARLY_ALL)
     ):
         return
-    bits = min(surplus_bits(repeats, asked, max(HEALTHY, (others_repeats + 0.5) / (others_asked + 50))), _MOST_REFUSED)
+    bits = min(surplus_bits(repeats, asked, usual_rate(others_repeats, others_asked)), _MOST_REFUSED)
     settings, how = "another parity, which this tap does not mark", "are whole, and the client asks again"
     found = _damaged_as(evidence, unit, bits, settings, 0.0, how)
     yield replace(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from statistics import median
-from typing import Final
+from typing import Any, Final
 
 from ...tables.findings import Severity
 from ...tables.transactions import ECHOED
@@ -21,7 +21,7 @@ from ..repeats import in_vain, only_repeats
 from ..scans import is_looked_for, scanned
 from ..signatures import AnswerDamage
 from ..unitledger import UnitLedger
-from .common import examples
+from .common import silent_suspicion
 from .states import excused
 
 EXCUSED: Final = "got an exception by which a gateway says that its target is silent"
@@ -57,7 +57,7 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
         if _surely_in_vain(evidence, unit) >= _LEAST_OF_SEVERAL
         and unit.unit not in looked_for
         and answered_as(evidence, unit.unit) is None
-        and (not unit.answered + unit.strays + unit.late or only_repeats(evidence, unit))
+        and (not unit.answered + unit.loose or only_repeats(evidence, unit))
         and _answering(evidence, unit) <= max(_STRAYS, evidence.elsewhere(unit)) * unit.asked
     ]
     return found if len(found) > 1 else [unit for unit in found if _surely_in_vain(evidence, unit) >= _LEAST]
@@ -150,60 +150,31 @@ def _excused(evidence: Evidence) -> Iterator[Suspicion]:
         return  # of several it is what they share
     ((number, state),) = found.items()
     unit = evidence.ledger.units[number]
-    others = [other for other in evidence.units if other.unit != number]
-    if not any(other.answered for other in others):
-        return
-    numbers = {
-        "unit": number,
-        "silent": state.refused,
-        "asked": state.asked,
-        "answers": "never answers" if state.begin is None else "answers no more",
-        "how": EXCUSED,
-        "others_asked": sum(map(evidence.known, others)),
-        "others_answered": sum(other.answered for other in others),
-        "others_silent": sum(map(evidence.surely_silent, others)),
-    }
-    yield Suspicion(
-        (number,),
-        silence_bits(state.refused, state.asked),
-        frozenset({(Symptom.REFUSAL, number), (Symptom.SILENCE, number)}),
-        numbers,
-        since=unit.first if state.begin is None else state.begin,
-        until=unit.last,
-        lost_answers=state.refused,
-        frames=examples([unit], Ending.EXCEPTION),
-    )
+    if any(other.answered for other in evidence.others(unit)):
+        bits, kinds = silence_bits(state.refused, state.asked), (Symptom.REFUSAL, Symptom.SILENCE)
+        numbers = {"silent": state.refused, "asked": state.asked, "how": EXCUSED, **_answers(state.begin)}
+        lost = LostAnswers(state.refused)
+        cause = silent_suspicion(evidence, [unit], bits, kinds, numbers, lost, Ending.EXCEPTION)
+        yield replace(cause, since=state.since(unit))
+
+
+def _answers(since: int | None) -> dict[str, str]:
+    return {"answers": "never answers" if since is None else "answers no more"}
 
 
 def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspicion:
-    others = [other for other in evidence.units if other.unit != unit.unit]
     silent, asked = in_vain(evidence, unit)
     lasting = evidence.silences(unit).lasting
     bits = silence_bits(silent, asked)
     if since is not None and lasting is not None:
         silent, bits = lasting.count, silence_bits(lasting.count, lasting.count)
-    lost = _cost(evidence, unit) if since is None else cost(evidence, unit, Ending.SILENT)
-    kinds = _SPEAKS_NOT if since is None else (Symptom.SILENCE,)
-    return Suspicion(
-        (unit.unit,),
-        bits,
-        frozenset((kind, unit.unit) for kind in kinds),
-        {
-            "unit": unit.unit,
-            "silent": silent,
-            "asked": silent if since is not None else asked,
-            "answers": "never answers" if since is None else "answers no more",
-            "how": SILENT,
-            "others_asked": sum(map(evidence.known, others)),
-            "others_answered": sum(other.answered for other in others),
-            "others_silent": sum(map(evidence.surely_silent, others)),
-        },
-        since=unit.first if since is None else since,
-        until=unit.last,
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
-        frames=examples([unit], Ending.SILENT),
-        severity=Severity.NOTE if since is None and is_looked_for(evidence, unit) else None,
+    numbers = {"silent": silent, "asked": asked if since is None else silent, "how": SILENT, **_answers(since)}
+    if since is not None:
+        lost = cost(evidence, unit, Ending.SILENT)
+        return replace(silent_suspicion(evidence, [unit], bits, (Symptom.SILENCE,), numbers, lost), since=since)
+    severity = Severity.NOTE if is_looked_for(evidence, unit) else None
+    return replace(
+        silent_suspicion(evidence, [unit], bits, _SPEAKS_NOT, numbers, _cost(evidence, unit)), severity=severity
     )
 
 
@@ -222,30 +193,14 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     never = sorted(_never(evidence), key=lambda unit: -in_vain(evidence, unit)[0])
     if len(never) < 2:
         return
-    others = [unit for unit in evidence.units if unit not in never]
-    weight = 1.0 if others else _ALL  # where nobody answers at all, the fault is hardly theirs
+    weight = 1.0 if evidence.others(*never) else _ALL  # where nobody answers at all, the fault is hardly theirs
     counts = [in_vain(evidence, unit) for unit in never]
     lost = together(_cost(evidence, unit) for unit in never)
-    yield Suspicion(
-        tuple(unit.unit for unit in never),
-        weight * sum(silence_bits(*each) for each in counts),
-        frozenset((kind, unit.unit) for unit in never for kind in _SPEAKS_NOT),
-        {
-            "count": len(never),
-            "polled": len(evidence.units),
-            "list": tuple(unit.unit for unit in never),
-            "silent": sum(silent for silent, _ in counts),
-            "asked": sum(asked for _, asked in counts),
-            "others_silent": sum(map(evidence.surely_silent, others)),
-            "others_asked": sum(map(evidence.known, others)),
-        },
-        since=min(unit.first for unit in never),
-        until=max(unit.last for unit in never),
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
-        frames=examples(never, Ending.SILENT),
-        severity=Severity.NOTE if all(is_looked_for(evidence, unit) for unit in never) else None,
-    )
+    bits, (silent, asked) = weight * sum(silence_bits(*each) for each in counts), map(sum, zip(*counts, strict=True))
+    numbers: dict[str, Any] = {"count": len(never), "polled": len(evidence.units), "silent": silent, "asked": asked}
+    numbers["list"] = tuple(unit.unit for unit in never)
+    severity = Severity.NOTE if all(is_looked_for(evidence, unit) for unit in never) else None
+    yield replace(silent_suspicion(evidence, never, bits, _SPEAKS_NOT, numbers, lost), severity=severity)
 
 
 @suspect(
@@ -299,29 +254,19 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         in_spells += regularity_bits(begins)
         if in_spells < _SURE_BITS or _scattered_bits(evidence, unit) >= _SURE_BITS:
             continue  # by chance as well, or it answers some meanwhile
-        lost = cost(evidence, unit, Ending.SILENT)
-        timed = evidence.ledger.timed
-        yield Suspicion(
-            (unit.unit,),
-            silence_bits(silent, unit.asked) + in_spells,
-            frozenset({(Symptom.SILENCE, unit.unit)}),
-            {
-                "unit": unit.unit,
-                "spells": len(spells) + silences.more,
-                "silent": silent,
-                "asked": unit.asked,
-                "length": median(each.end - each.begin for each in spells) / 1e9 if timed else 0.0,
-                "row": 0 if timed else round(median(each.count for each in spells)),
-                "often": "once" if once else "again and again",
-            },
-            since=begins[0],
-            until=spells[-1].end,
-            period_s=None if once else mean_period_s(begins),
-            lost_answers=lost.answers,
-            lost_ms=lost.ms,
-            frames=examples([unit], Ending.SILENT),
-            severity=Severity.NOTE if once else None,
-        )
+        lost, timed = cost(evidence, unit, Ending.SILENT), evidence.ledger.timed
+        numbers = {
+            "spells": len(spells) + silences.more,
+            "silent": silent,
+            "asked": unit.asked,
+            "length": median(each.end - each.begin for each in spells) / 1e9 if timed else 0.0,
+            "row": 0 if timed else round(median(each.count for each in spells)),
+            "often": "once" if once else "again and again",
+        }
+        bits, period_s = silence_bits(silent, unit.asked) + in_spells, None if once else mean_period_s(begins)
+        cause = silent_suspicion(evidence, [unit], bits, (Symptom.SILENCE,), numbers, lost)
+        severity = Severity.NOTE if once else None
+        yield replace(cause, since=begins[0], until=spells[-1].end, period_s=period_s, severity=severity)
 
 
 def _scattered_bits(evidence: Evidence, unit: UnitLedger) -> float:
@@ -329,7 +274,7 @@ def _scattered_bits(evidence: Evidence, unit: UnitLedger) -> float:
     as well leaves any."""
     silences = evidence.silences(unit)
     runs = len(silences.all) + silences.more + silences.single
-    others = [other for other in evidence.units if other is not unit and other.answered]
+    others = [other for other in evidence.others(unit) if other.answered]
     elsewhere = sum(evidence.silences(other).single for other in others) / max(sum(each.asked for each in others), 1)
     due = min(elsewhere * unit.asked / max(runs, 1), _HALF)
     return surplus_bits(silences.single, runs, max(due, _SCATTERED))

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from dissectors.functions.exceptions import exception_name
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
+from ..costs import LostAnswers
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import COMES_AND_GOES, Foretold, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
-from .common import examples
+from .common import silent_suspicion
 
 _BACKGROUND: Final = 0.02
 _LEAST: Final = 5
@@ -39,14 +40,17 @@ class Refusing:
     well_before: int = 0
     before: int = 0
 
+    def since(self, unit: UnitLedger) -> int:
+        """When it began, or the unit was first asked."""
+        return unit.first if self.begin is None else self.begin
+
 
 def codes_of(evidence: Evidence, unit: UnitLedger) -> Counter[int]:
     """The exceptions that a unit answered by, and how often; none where they are few."""
     codes = Counter[int]()
     if unit.count(Ending.EXCEPTION) >= _LEAST:
         for poll in evidence.polls_of(unit.unit):
-            if poll.exceptions:
-                codes.update(poll.exceptions)
+            codes.update(poll.exceptions)
     return codes
 
 
@@ -89,25 +93,18 @@ def unit_fails(evidence: Evidence) -> Iterator[Suspicion]:
         state = refusing_since(evidence, unit)
         if state is None or code in (_ELSEWHERE - _OF_REQUEST) or (code in _OF_REQUEST and state.begin is None):
             continue
-        yield Suspicion(
-            (unit.unit,),
-            1.1 * surplus_bits(state.refused, state.asked, _BACKGROUND),
-            frozenset({(Symptom.REFUSAL, unit.unit)}),
-            {
-                "unit": unit.unit,
-                "code": f"{code:02X}",
-                "name": exception_name(code),
-                "since": "" if state.begin is None else ", from some moment on",
-                "refused": state.refused,
-                "asked": state.asked,
-                "before": state.well_before,
-                "before_of": state.before,
-            },
-            since=unit.first if state.begin is None else state.begin,
-            until=unit.last,
-            lost_answers=state.refused,
-            frames=examples([unit], Ending.EXCEPTION),
-        )
+        numbers = {
+            "code": f"{code:02X}",
+            "name": exception_name(code),
+            "since": "" if state.begin is None else ", from some moment on",
+            "refused": state.refused,
+            "asked": state.asked,
+            "before": state.well_before,
+            "before_of": state.before,
+        }
+        bits, lost = 1.1 * surplus_bits(state.refused, state.asked, _BACKGROUND), LostAnswers(state.refused)
+        cause = silent_suspicion(evidence, [unit], bits, (Symptom.REFUSAL,), numbers, lost, Ending.EXCEPTION)
+        yield replace(cause, since=state.since(unit))
 
 
 NO_ANSWER: Final = frozenset((0x0A, 0x0B))  # of a gateway: it has no way to its target, or that is silent

@@ -15,7 +15,7 @@ from ..bits import surplus_bits
 from ..costs import kind_bits
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
-from ..foretold import own_silences
+from ..foretold import of_all
 from ..hits import evenness_bits
 from ..registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
@@ -143,12 +143,10 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
     damaged, answers = sum(map(evidence.damaged, units)), sum(unit.asked for unit in units)
     requests = sum(map(evidence.requests_behind, evidence.units))
     bits += max(kind_bits(readings, _LOST), 0.0)
-    explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in TAP_TAKES)
-    explains -= own_silences(evidence)
     yield Suspicion(
         (),
         surplus_bits(min(damaged + requests, answers), answers, HEALTHY) + bits + _DISPLACED_BITS * displaced,
-        explains | {(Symptom.FRAMING, None)},
+        of_all(evidence, TAP_TAKES),
         {
             "damaged": damaged,
             "answers": answers,

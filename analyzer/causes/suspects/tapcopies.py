@@ -10,8 +10,8 @@ from dissectors.crc import crc16
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence
-from ..foretold import own_silences
-from ..registry import Explained, Suspicion, Symptom, suspect
+from ..foretold import of_all
+from ..registry import Suspicion, Symptom, suspect
 from ..samples import READ_REQUEST, Sample, Samples
 from .structure import TAP_TAKES
 
@@ -72,13 +72,11 @@ def tap_repeats(evidence: Evidence) -> Iterator[Suspicion]:
     copies = requests + answers
     if min(requests, answers) < _BOTH or copies < _SHARE * damaged:
         return
-    explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in TAP_TAKES)
-    explains -= own_silences(evidence)
     asked = sum(unit.asked for unit in evidence.units)
     yield Suspicion(
         (),
         surplus_bits(min(round(damaged), asked), asked, HEALTHY) + _BITS * copies,
-        explains | {(Symptom.FRAMING, None)},
+        of_all(evidence, TAP_TAKES),
         {"copies": round(copies), "requests": round(requests), "damaged": round(damaged)},
         since=evidence.ledger.begin,
         until=evidence.ledger.end,

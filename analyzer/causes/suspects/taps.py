@@ -267,7 +267,7 @@ def _frames_in(data: bytes, role: Role) -> int:
 
 @suspect(
     "local-echo",
-    Severity.NOTE,
+    Severity.WARNING,
     blame="tap",
     text="{who} shows what it sends: {echoes:,} of {requests:,} requests[ to {units:unit|units}] come twice, one right after "
     "the other",
@@ -289,7 +289,7 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
         if share > _MOSTLY:
             explains |= {(kind, unit.unit) for kind in Symptom}
     firsts = max(sum(unit.asked for unit in evidence.units), 1)
-    if echoed < _LEAST / 2 or echoed < 0.4 * firsts:
+    if echoed < max(_LEAST / 2, 0.4 * firsts):
         yield from _sent_back(evidence)
         return
     echoed = min(echoed, firsts)  # what an echo and noise share may be counted as both
@@ -302,12 +302,7 @@ def _sent_back(evidence: Evidence) -> Iterator[Suspicion]:
     off, counts = evidence.verdict.wait_ns, dict[int, int]()
     for unit in evidence.units if evidence.ordered and off < AT_ONCE_NS else ():
         rows = evidence.rows(unit.unit)
-        first = (
-            (rows.outcome == Ending.SILENT)
-            & rows.next_same
-            & (rows.wait <= AT_ONCE_NS + off)
-            & (rows.late + rows.heard == 0)
-        )
+        first = (rows.outcome == Ending.SILENT) & rows.next_same & (rows.wait <= AT_ONCE_NS + off) & ~rows.odd
         answered = np.isin(rows.number, rows.number[first] + 1) & (rows.outcome <= Ending.EXCEPTION)
         if np.count_nonzero(answered) >= max(_FEW, _NEARLY_ALL * np.count_nonzero(rows.outcome <= Ending.EXCEPTION)):
             counts[unit.unit] = round(np.count_nonzero(answered) * evidence.ledger.table.weight)
@@ -316,7 +311,7 @@ def _sent_back(evidence: Evidence) -> Iterator[Suspicion]:
         echoes = min(sum(counts.values()), requests)
         numbers = {"who": "A converter on the way", "units": tuple(counts), "echoes": echoes, "requests": requests}
         explains = frozenset((kind, unit) for unit in counts for kind in (Symptom.SILENCE, Symptom.TIMING))
-        yield Suspicion(tuple(counts), _COPY_BITS * echoes, explains, numbers, severity=Severity.WARNING)
+        yield Suspicion(tuple(counts), _COPY_BITS * echoes, explains, numbers)
 
 
 def _has_seven_bits(data: bytes) -> bool:

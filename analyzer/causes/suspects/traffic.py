@@ -93,7 +93,8 @@ def other_protocol(evidence: Evidence) -> Iterator[Suspicion]:
         explains |= {(Symptom.FRAMING, None), (Symptom.REQUESTS, None), (Symptom.REQUESTS, 0)}
         numbers = {"protocol": name, "frames": frames, "foreign": ledger.noise_bytes, "bytes": ledger.bytes}
         bits = _BITS * frames * max(1.0, ledger.noise_bytes / max(looked_at, 1))
-        yield Suspicion((), bits, frozenset(explains), numbers, ledger.begin, ledger.end)
+        shared = Severity.WARNING if ledger.answered >= _FRAMES else None  # a pair of its own is well
+        yield Suspicion((), bits, frozenset(explains), numbers, ledger.begin, ledger.end, severity=shared)
 
 
 _GAPS_LEAST: Final = 5

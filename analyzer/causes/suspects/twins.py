@@ -11,11 +11,11 @@ from ...tables.findings import Severity
 from ..answeredas import lent
 from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits
-from ..evidence import HEALTHY, Evidence
+from ..evidence import HEALTHY, Evidence, usual_rate
 from ..exchanges import Ending
 from ..heads import begun_before
 from ..hits import answers_too_many
-from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
+from ..registry import ASKED_FOR, COMES_AND_GOES, LENGTHS, Foretold, Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature, known_header
 from ..unitledger import UnitLedger
 from .common import damage_suspicion
@@ -45,7 +45,7 @@ _BEFORE_BITS: Final = 4.0
     deciding_test="Look at the address that each device is set to; then, with the operator's consent, disconnect the "
     "device with address {unit}: if the address still answers, there is another one",
     remedy="Give one of the two devices an address of its own",
-    foretold=OF_A_LINE,
+    foretold=Foretold({Symptom.DAMAGE: COMES_AND_GOES | LENGTHS | ASKED_FOR}, client_loses=True),
 )
 def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
@@ -90,10 +90,10 @@ def _seen(evidence: Evidence, unit: UnitLedger, too_many: int) -> _SecondShown:
 
 
 def _bits(evidence: Evidence, unit: UnitLedger, seen: _SecondShown) -> float:
-    readings, rest = evidence.readings(unit), [other for other in evidence.units if other is not unit]
+    readings, rest = evidence.readings(unit), evidence.others(unit)
     rarely = _TWO_RIGHT if evidence.verdict.fine and not unit.count(Ending.SILENT) else HEALTHY
     noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
-    background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
+    background = usual_rate(noisy, sum(other.answered for other in rest))
     bits = surplus_bits(min(seen.doubles, unit.asked), unit.asked, rarely)
     bits += surplus_bits(min(seen.crossed, unit.asked), unit.asked, background)
     if len(readings) >= _LEAST:
@@ -117,8 +117,8 @@ def _suspicion(
     explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
     disorder = 0.0
     if seen.too_many:  # the master takes one for what it asked next, and so on
-        others = [other for other in evidence.units if other is not unit]
-        now_and_then = [other for other in others if evidence.damaged(other) < _ALWAYS * other.asked]
+        others = evidence.others(unit)
+        now_and_then = [other for other in others if other.answered and evidence.damaged(other) < _ALWAYS * other.asked]
         explains |= {(kind, other.unit) for other in (unit, *now_and_then) for kind in _DISORDER}
         disorder = sum(surplus_bits(evidence.damaged(other), other.asked, HEALTHY) for other in now_and_then)
     lost = cost_of(evidence, explains)
@@ -132,33 +132,26 @@ _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SI
 def _of_the_poll_before(evidence: Evidence, unit: UnitLedger) -> int:
     """About how many exchanges of a unit hold what begins as its answers to other polls do: answered once more, when
     something else was asked."""
-    if not (evidence.readings(unit) or evidence.followed(unit)):
-        return 0
     headers = {
         known_header(request)[:_BEGINNING] for request in evidence.ledger.polls.requests if request[0] == unit.unit
     }
-    found = 0.0
-    for readings, count in (
-        (evidence.readings(unit), evidence.damaged(unit)),
-        (evidence.followed(unit), unit.followed.offered),
-    ):
-        others = [
-            each for each in readings if each.heard[:_BEGINNING] in headers - {known_header(each.request)[:_BEGINNING]}
-        ]
-        found += count * len(others) / max(len(readings), 1)
-    return round(found)
+
+    def is_so(each: Signature) -> bool:
+        return each.heard[:_BEGINNING] in headers - {known_header(each.request)[:_BEGINNING]}
+
+    return round(evidence.damaged_so(unit, is_so) + evidence.about(unit, is_so))
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
     """Other units that are hit right behind this one, and seldom else, for a second answer runs into what is asked next:
     by how much likelier that is (bits)."""
     found, successors = {}, evidence.ledger.successors
-    for other in evidence.units:
-        if other is unit or not evidence.is_open(Symptom.DAMAGE, other.unit):
+    for other in evidence.others(unit):
+        if not evidence.is_open(Symptom.DAMAGE, other.unit):
             continue
         hit, asked = successors.met_of(other.unit), successors.followed_of(other.unit)
         met, followed = successors.met[other.unit, unit.unit], successors.followed[other.unit, unit.unit]
-        bits = surplus_bits(met, followed, max(HEALTHY, (hit - met + 0.5) / (asked - followed + 50)))
+        bits = surplus_bits(met, followed, usual_rate(hit - met, asked - followed))
         if bits > _RUN_INTO_BITS:
             found[other.unit] = bits
     return found

@@ -10,20 +10,20 @@ from typing import Final
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..costs import kind_bits, kind_of, share_of
-from ..evidence import HEALTHY, Evidence
+from ..evidence import HEALTHY, Evidence, usual_rate
 from ..hits import (
     ALIKE,
     WELL,
     Hits,
     apart_bits,
-    is_behind_few,
     span_of_hits,
     spared_bits,
     spares_units,
     unlike_idle_bits,
 )
 from ..ledger import STRAY
-from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
+from ..signatures import Signature
 from ..unitledger import UnitLedger
 from .common import damage_suspicion
 
@@ -40,6 +40,7 @@ _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byt
 _BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "whole": 0.12, "tail": 0.02}
 _MUCH_BENT: Final = {"bits": 0.2, "head": 0.1, "bits-tail": 0.03, "middle": 0.35, "whole": 0.3, "tail": 0.01}
 _SINGLE: Final = 0.3
+_SOME_SINGLE: Final = 0.1
 _MOST_BENT: Final = 0.45
 _SURELY_EARLY: Final = 8.0  # bits
 _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
@@ -62,41 +63,41 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     hits = Hits(evidence)
     if hits.idle < _LEAST or spares_units(evidence):
         return
-    touched = sum(evidence.damaged(unit) * _run_into(evidence, unit) for unit in evidence.units)
+    touched = sum(_run_into(evidence, unit) for unit in evidence.units)
     touched = min(touched, hits.idle)  # the moments before an answer are less than all the idle time
     idle, frames = hits.idle + touched, hits.frames - touched
     hit = idle + frames if hits.damaged < _FEW * idle else idle
     bits = surplus_bits(hit, max(hits.exchanges, hit), HEALTHY)
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
-    inside = sum(_inside(evidence, unit) for unit in evidence.units)
+    inside = sum(evidence.damaged_so(unit, _is_inside) for unit in evidence.units)
     against = surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
     against += unlike_idle_bits(evidence)
-    if is_behind_few(evidence):
-        bits = bits / 4 - apart_bits(evidence)  # a line that floats does so behind everybody
-    explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
+    against += apart_bits(evidence)  # a line that floats does so behind everybody
+    explains: Explained = frozenset((Symptom.BEHIND, u.unit) for u in evidence.units if not evidence.tails(u))
+    explains |= {(Symptom.FRAMING, None)}
     load = min(evidence.load or 0.0, _FULL)
     if touched > _MOST * hits.damaged or hits.damaged < max(_FEW, _LESS * load / (1 - load)) * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, hits.numbers, against=against, **span_of_hits(evidence))
 
 
-def _inside(evidence: Evidence, unit: UnitLedger) -> float:
-    """About how many of a unit's answers are damaged where only what meets a driven line can have struck."""
-    return evidence.damaged(unit) * share_of(evidence.readings(unit), "bits", "bits-tail", "middle")
+def _is_inside(reading: Signature) -> bool:
+    """Whether an answer is damaged where only what meets a driven line can have struck."""
+    return kind_of(reading) in ("bits", "bits-tail", "middle")
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
-    """The share of a unit's damaged answers into whose beginning noise runs: bytes come before it ever answers."""
-    readings, soonest = evidence.readings(unit), unit.delays.quantile(_SOONEST)
-    before = (soonest or 0.0) - evidence.verdict.wait_ns - _HALF_CHAR * evidence.ledger.char_ns
-    found = [
-        each
-        for each in readings
-        if kind_of(each) in ("head", "ahead")
-        or (0 <= each.delay < before and each.length >= each.due - _LOST)  # its answer came, too
-        or (kind_of(each) == "whole" and each.length <= STRAY)  # no answer did: it ran into the request
-    ]
-    return len(found) / len(readings) if readings else 0.0
+    """About how many damaged answers of a unit noise runs into the beginning of: bytes come before it ever answers."""
+    soonest = unit.delays.quantile(_SOONEST) or 0.0
+    before = soonest - evidence.verdict.wait_ns - _HALF_CHAR * evidence.ledger.char_ns
+    return evidence.damaged_so(
+        unit,
+        lambda each: (
+            kind_of(each) in ("head", "ahead")
+            or (0 <= each.delay < before and each.length >= each.due - _LOST)  # its answer came, too
+            or (kind_of(each) == "whole" and each.length <= STRAY)  # no answer did: it ran into the request
+        ),
+    )
 
 
 @suspect(
@@ -120,9 +121,9 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
     best: Suspicion | None = None
     for count in range(1, min(len(ranked), max(1, (2 * len(evidence.units)) // 3)) + 1):
         far = ranked[:count]
-        rest = [unit for unit in evidence.units if unit not in far]
+        rest = evidence.others(*far)
         hits, trials = sum(map(evidence.damaged, rest)), sum(unit.asked for unit in rest)
-        background = max(HEALTHY, (hits + 0.5) / (trials + 50))
+        background = usual_rate(hits, trials)
         readings = [reading for unit in far for reading in evidence.readings(unit)]
         flips = [bit for reading in readings for bit in reading.flips]
         early = sum(log2(8 * _EARLY[bit]) for bit in flips)
@@ -130,11 +131,8 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
         bits += max(kind_bits(readings, _BENT), kind_bits(readings, _MUCH_BENT)) + early - _UNIT_BITS * (count - 1)
         bits += sum(spared_bits(evidence, unit) for unit in far)
         single, several = share_of(readings, "bits", "bits-tail"), share_of(readings, "middle")
-        if (single < _SINGLE and (count < 2 or single < _FEW or single + several < _MOST_BENT)) or len(
-            readings
-        ) < _LEAST:
-            continue
-        if best is None or bits > best.bits:
+        bent = single >= _SINGLE or (count > 1 and single >= _SOME_SINGLE and single + several >= _MOST_BENT)
+        if bent and len(readings) >= _LEAST and (best is None or bits > best.bits):
             early_words = {"early": ", in the first bits behind an edge" if early > _SURELY_EARLY else ""}
             best = damage_suspicion(evidence, far, bits, early_words, (Symptom.DAMAGE,))
     if best is not None:
@@ -161,7 +159,7 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
         against += surplus_bits(
             evidence.requests_behind(unit), max(unit.answered, 1), HEALTHY
         )  # no drop harms requests
-        others = [other for other in evidence.units if other.unit != unit.unit]
+        others = evidence.others(unit)
         loses = 0 < evidence.silent(unit) <= evidence.damaged(unit)  # the requests that it spoils on their way in
         if loses:
             elsewhere = (sum(map(evidence.silent, others)) + 0.5) / (sum(other.asked for other in others) + 1)

@@ -58,6 +58,17 @@ def unknown_function(random: Random, tap: str) -> Site:
     return bench, Expected("cannot-serve", (unit.unit,))
 
 
+@field_case("counted-in-bytes", ANY_TAP)
+def counted_in_bytes(random: Random, tap: str) -> Site:
+    """A unit takes the quantity of a read for a count of bytes, and answers by half of what was asked for."""
+    bench = site(random, tap, seconds=(40, 300))
+    unit = bench.unit()
+    at, function = random.choice((0, 100, 1000)), random.choice((3, 4))
+    _with_polls(bench, unit, *((function, at + 40 * i, 2 * random.randint(1, 10)) for i in range(random.randint(2, 4))))
+    unit.tampers.append(lambda request, answer, _: bytes((request[0], request[4])) + answer[2 : 2 + request[4]])
+    return bench, Expected("cannot-serve", (unit.unit,))
+
+
 class _Rests:
     """The silence before the newest frame on the line, ns."""
 

@@ -10,7 +10,7 @@ from dissectors.crc import VARIANTS
 
 from ..bench import SECOND, Bench, Expected, read_pdu, site, write_pdu
 from ..master import FieldPoll
-from ..units import FieldUnit, Tamper, analog, counter, float_pair
+from ..units import FieldUnit, Tamper, Word, analog, counter, float_pair
 from .registry import Site, field_case
 
 
@@ -201,3 +201,52 @@ def frozen_values(random: Random, tap: str) -> Site:
     for at, word in list(words.items()):
         words[at] = _held(word, since)
     return bench, Expected("frozen-values", (wrong,))
+
+
+@field_case("values-stall")
+def values_stall(random: Random, tap: str) -> Site:
+    """The values of a unit stand still for a while, now and then, and leap to where they would be."""
+    bench, numbers = _sisters(random, tap)
+    wrong = random.choice(numbers)
+    words = bench.units[wrong].holdings.words
+    begins = [random.uniform(low, low + 0.1) * bench.duration_ns for low in random.choice(((0.4,), (0.2, 0.6)))]
+    spans = [(begin, begin + random.uniform(0.15, 0.25) * bench.duration_ns) for begin in begins]
+    for at, word in list(words.items()):
+        words[at] = _stalled(word, spans)
+    return bench, Expected("frozen-values", (wrong,))
+
+
+def _stalled(word: Word, spans: list[tuple[float, float]]) -> Word:
+    held = {begin: word(begin) for begin, _ in spans}
+    return lambda t: held[begin] if (begin := next((b for b, e in spans if b <= t < e), -1.0)) in held else word(t)
+
+
+@field_case("value-lost")
+def value_lost(random: Random, tap: str) -> Site:
+    """A sensor's wire is loose: a code stands in the place of its value now and then, or for good from some time on."""
+    bench, numbers = _sisters(random, tap)
+    wrong, at = random.choice(numbers), random.randrange(8, 12)
+    words, code = bench.units[wrong].holdings.words, random.choice((0x7FFF, 0x8000, 0xFFFF))
+    begins = [random.uniform(low, low + 0.1) * bench.duration_ns for low in (0.1, 0.35, 0.6)]
+    spans = [(begin, begin + random.uniform(0.05, 0.2) * bench.duration_ns) for begin in begins]
+    spans = random.choice((spans, [(begins[-1], bench.duration_ns)]))
+    word = analog(random)
+    words[at] = lambda t: code if any(begin <= t < end for begin, end in spans) else word(t)
+    return bench, Expected("value-lost", (wrong,))
+
+
+@field_case("values-changed")
+def values_changed(random: Random, tap: str) -> Site:
+    """From some time on the registers of a unit hold what belongs one register further on."""
+    bench, numbers = _sisters(random, tap)
+    wrong, since = random.choice(numbers), random.uniform(0.3, 0.6) * bench.duration_ns
+    words = bench.units[wrong].holdings.words
+    kept = dict(words)
+    for at in range(11):
+        words[at] = _from(since, kept[at], kept[at + 1])
+    return bench, Expected("values-changed", (wrong,))
+
+
+def _from(since: float, word: Word, then: Word) -> Word:
+    """One value till a moment, another from it on."""
+    return lambda t: word(t) if t < since else then(t)
