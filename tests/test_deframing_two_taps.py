@@ -139,6 +139,19 @@ def test_a_response_time_that_lies_within_the_clocks_doubt_is_not_given(monkeypa
     assert (rows.response_ns > 0).sum() == len(rows) / 2  # both taps are exact, and of one clock as far as seen
 
 
+@pytest.mark.parametrize("count", [3, 60])
+def test_a_relay_that_gets_whole_frames_in_turn_tells_response_times(count: int) -> None:
+    """Each port's reads are counted apart: the third of one and the third of the other are not the same."""
+    notes = {"directions": "request,response"}
+    line = LineSettings(baud=9600, char_bits=10, tap="pty", notes=notes)
+    pairs = [(0, adu("0103000a0002")), (1, adu("01030400010002"))]
+    chunks = [Chunk((1000 + 100 * at + 24 * port) * _MS, data, port) for at in range(count) for port, data in pairs]
+    report = summarize(Capture.of(line, chunks))
+    assert report.transactions.answered == count
+    (unit,) = report.units
+    assert unit.times.count == count and unit.times.bounds("p50") is not None
+
+
 @pytest.mark.parametrize("skew_ms", [-5, 5])
 def test_how_far_the_clocks_are_apart_is_said(skew_ms: int, monkeypatch: pytest.MonkeyPatch) -> None:
     line = LineSettings(baud=115200, char_bits=11, notes={"directions": "request,response"})

@@ -130,7 +130,8 @@ def test_table_and_cause_count_the_same_requests(seed: int) -> None:
     (unit,) = made.expected.units
     report = summarize(Capture.of(made.line, made.chunks))
     counts = next(row.counts for row in report.units if row.unit == unit)
-    assert counts.answered == 0 and f"{counts.requests} of {counts.requests} requests" in report.causes[0].text
+    asked = counts.requests - counts.unheard  # where a capture ends with a request, nobody knows of its answer
+    assert counts.answered == 0 and f"{asked} of {asked} requests" in report.causes[0].text
     assert "slow-device" not in {row.code for row in report.findings}
 
 

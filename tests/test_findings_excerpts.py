@@ -109,4 +109,4 @@ def test_a_long_log_is_told_like_any_capture(tmp_path: Path) -> None:
     lines = [f"12:00:{i:02}.{n}00 {who}: {data.hex(' ')}" for i in range(40)
              for n, who, data in ((1, "TX", ASKED), (2, "RX", ANSWER))]  # fmt: skip
     page = text(reported(tmp_path, [*lines, f"12:00:41.100 TX: {ASKED.hex(' ')}"]))
-    assert "p95" in page and "1 unanswered" in page
+    assert "p95" in page and "1 not heard" in page

@@ -238,3 +238,16 @@ def test_silence_over_tcp_is_told_by_where_it_was_tapped(line: LineSettings, cau
     capture = Capture.of(line, [Chunk(10**9 + i * 5 * 10**8, adu) for i, adu in enumerate(asked)])
     silent = [one for part in analyse(capture) for one in described(part.findings) if one.code == "no-response"]
     assert silent and all(one.cause.startswith(cause) for one in silent)
+
+
+def test_silence_over_tcp_on_a_line_that_answers_is_of_the_unit() -> None:
+    """Whatever sends it is understood there: nothing is to be set to convert."""
+    chunks = []
+    for i in range(30):
+        chunks.append(Chunk(10**9 + i * 5 * 10**8, bytes((0, i, 0, 0, 0, 6, 1 + i % 2, 3, 0, 100, 0, 1))))
+        if i % 2 == 0:
+            chunks.append(Chunk(10**9 + i * 5 * 10**8 + 10**8, bytes((0, i, 0, 0, 0, 5, 1, 3, 2, 0, 7))))
+    capture = Capture.of(LineSettings(baud=9600, tap="irq"), chunks)
+    silent = [one for part in analyse(capture) for one in described(part.findings) if one.code == "no-response"]
+    assert silent and all(one.cause.startswith("the unit is absent or not configured in") for one in silent)
+    assert "convert" not in "".join(one.remedy for one in silent)

@@ -55,17 +55,6 @@ def test_registers_in_two_bases_below_frames_are_no_bytes() -> None:
     assert pieces(f"TX: {REQUEST.hex(' ')}\nRX: {ANSWER.hex(' ')}\n{registers}") == [REQUEST, ANSWER]
 
 
-def test_the_numbers_of_a_manuals_columns_are_no_bytes() -> None:
-    written, echo = adu("0110 300d 0001 02 0005"), adu("0110 300d 0001")
-
-    def table(data: bytes) -> str:
-        numbers = "\n".join(str(i) for i in range(1, len(data) + 1))
-        return f"{numbers}\n{data.hex(chr(10)).upper()}"
-
-    text = f"Command\n{table(written)}\nregister\nnumber\nCRC\nResponse:\n{table(echo)}\nregister\nCRC"
-    assert pieces(text) == [written, echo]
-
-
 def test_a_check_value_quoted_in_an_error_is_none_of_the_frame() -> None:
     text = (
         f"MinimalModbus debug mode. Will write to instrument: {REQUEST.hex(' ')} (8 bytes)\n"

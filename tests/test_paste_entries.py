@@ -259,16 +259,6 @@ def test_writes_and_their_echoes_go_as_the_text_says(text: str, tmp_path: Path) 
     assert pieces(read(text)) == captured(text, tmp_path) == both
 
 
-def test_lines_of_a_screen_that_is_copied_twice_count_once() -> None:
-    moments = ("12:00:00.118", "12:00:00.163", "12:00:01.119", "12:00:01.171")
-    lines = [f"{at} {hexed(data)}" for at, data in zip(moments, (ASK, REPLY) * 2, strict=True)]
-    twice = read("\n".join([*lines[:3], *lines[1:]]), zone=UTC)
-    assert [frame.adu.data for frame in twice.frames()] == [ASK, REPLY] * 2
-    assert [one.why for one in twice.unread] == ["the same bytes as in line 2", "the same bytes as in line 3"]
-    at_once = [f"{moments[0]} RX {octet:02X}" for octet in REPLY]  # a read a byte, several in a millisecond
-    assert b"".join(frame.adu.data for frame in read("\n".join(at_once), zone=UTC).frames()) == REPLY
-
-
 def test_a_line_of_pymodbus_that_is_wrapped_within_bytes_loses_none() -> None:
     text = (
         "ERROR: request ask for id=1 but got id=127, Skipping. >>>>> send: 0x1 0x3 0x0 \n"
@@ -299,13 +289,6 @@ def test_a_summary_some_lines_below_repeats_the_answer() -> None:
     summary = "".join(f"[STEP] field {name}\n" for name in "abcdefghij")
     text = f"[STEP] TX (8 bytes): {adu('07040120 0002').hex(' ')}\n[STEP] RX (9 bytes): {answer}\n{summary}"
     assert len(list(read(f"{text}[STEP] Response Hex  : {answer}\n").frames())) == 2
-
-
-def test_numbers_of_bytes_are_none_of_them() -> None:
-    """A driver counts the bytes of a read, a line each: the counts are no bytes where no frame is right, either."""
-    stray = bytes.fromhex("B8001739E33CD7FF")
-    lines = [f"[N] 249{60 + i}| uart.cpp [ 292] receive: {i:3}: {octet:02X}" for i, octet in enumerate(stray, 7)]
-    assert b"".join(data_of(piece) for piece in read("\n".join(lines)).pieces) == stray
 
 
 def test_a_frame_of_ascii_mode_is_found_byte_by_byte_behind_others() -> None:

@@ -145,3 +145,67 @@ def test_a_refusal_of_another_unit_with_a_wrong_crc_is_no_answer() -> None:
 
 def test_nothing_but_zeros_is_told_as_a_low_line() -> None:
     assert "every byte is 00" in read("00 00 00 00").why
+
+
+WRONG = bytes.fromhex("0704012000021234"), bytes.fromhex("0704012200021234")
+
+
+@pytest.mark.parametrize("between", ["\n", " ", "\nTX: "])
+def test_frames_of_which_no_crc_is_right_are_frames_all_of_them(between: str) -> None:
+    paste = read(("TX: " * ("TX" in between)) + between.join(frame.hex(" ") for frame in WRONG))
+    assert said(paste) == [("request", frame.hex(), 0) for frame in WRONG]
+    assert [frame.adu.check_computed is not None for frame in paste.frames()] == [True, True]
+
+
+def test_lines_of_which_most_are_no_frames_are_none() -> None:
+    lines = [
+        "1a 2b 3c 4d 5e 6f 70 81",
+        "92 a3 b4 c5 d6 e7 f8 09",
+        "0a 1b 2c 3d 4e 5f",
+        WRONG[0].hex(" "),
+        "77 88 99 aa",
+    ]
+    assert not any(frame.length == len(WRONG[0]) for frame in read("\n".join(lines)).frames())
+
+
+@pytest.mark.parametrize("place", ["00 00", "ff ff"])
+def test_what_keeps_the_place_of_a_crc_is_told(place: str) -> None:
+    (frame,) = read(f"{ASKED[:-2].hex(' ')} {place}").frames()
+    (finding,) = frame.findings
+    assert finding.code == "crc-error" and finding.text.startswith(place.upper())
+    assert ASKED[-2:].hex(" ").upper() in finding.remedy
+
+
+def test_a_damaged_request_that_comes_back_behind_a_stray_byte_is_it() -> None:
+    shown = "".join(f"[{byte:02X}]" for byte in WRONG[0])
+    paste = read(f"{shown}\nthe other end shows:\n[FF]{shown}")
+    frame = ("request", WRONG[0].hex(), 0)
+    assert said(paste) == [frame, ("noise", "ff", 0), frame]
+
+
+@pytest.mark.parametrize("frame", [ASKED, ANSWER])
+def test_a_frame_without_its_unit_is_told_with_it(frame: bytes) -> None:
+    (piece,) = read(frame[1:].hex(" ")).pieces
+    assert not isinstance(piece, PastedFrame)
+    (finding,) = piece.findings
+    assert finding.code == "byte-missing" and "with 07 as byte 0" in finding.text and "unit" in finding.cause
+
+
+def test_of_an_answer_that_ends_behind_its_first_byte_its_length_is_told() -> None:
+    paste = read(f"{ASKED.hex(' ')}\n07\n{ASKED.hex(' ')}\n07\n{ASKED.hex(' ')}")
+    told = [finding.text for piece in paste.pieces for finding in piece.findings if finding.code == "truncated"]
+    assert len(told) == 2 and all("one of 9 bytes" in text for text in told)
+
+
+@pytest.mark.parametrize("left_out", [0, 2])
+def test_the_last_request_of_a_text_may_have_got_its_answer(left_out: int) -> None:
+    shown = ASKED[: len(ASKED) - left_out].hex(" ")
+    paste = read("\n".join(f"12:00:0{i}.250 TX: {shown}" for i in range(4)))
+    silent = [any(finding.code == "no-response" for finding in frame.findings) for frame in paste.frames()]
+    assert silent == [True, True, True, False]
+
+
+def test_stretches_before_frames_that_begin_with_the_same_byte_are_an_envelope() -> None:
+    lines = ["TX: a5 17 00 10 45 " + ASKED.hex(" ") + " 08 15", "RX: a5 3b 00 10 15 " + ANSWER.hex(" ") + " 09 15"]
+    told = [finding.text for piece in read("\n".join(lines)).pieces for finding in piece.findings]
+    assert any("begin like earlier ones: A5" in text for text in told)

@@ -38,7 +38,6 @@ TIMED = [
         "tshark fields",
         "Zabbix",
         "two clocks far apart",
-        "one line, mailed",
         "entries, mailed and quoted",
         "milliseconds before a mark",
         "milliseconds in a column",

@@ -80,17 +80,6 @@ def test_ascii_frames_stand_end_to_end_and_behind_a_words_colon() -> None:
     assert frames_read(f"Query{asks}\nResponse{answers}") == both
 
 
-def test_ascii_frames_character_by_character() -> None:
-    asks, answers = ":010300000002FA", ":01030400110022C5"
-    both = [("request", asks[1:].lower()), ("response", answers[1:].lower())]
-    for form in ("{mark}: {char}", "{mark} '{char}'"):
-        lines = [form.format(mark=mark, char=char) for mark, word in (("TX", asks), ("RX", answers)) for char in word]
-        assert frames_read("\n".join(lines)) == both, lines
-    assert frames_read("\n".join([*asks, "", *answers])) == both
-    assert frames_read(f"TX {' '.join(asks)}\nRX {' '.join(answers)}") == both
-    assert frames_read("\n".join(f"RX {' '.join(map(repr, word))}" for word in (asks, answers))) == both
-
-
 def test_frames_whose_crc_is_turned_round_are_bytes_in_any_writing() -> None:
     turned = hexed("01 03 00 00 00 02 0B C4") + hexed("01 03 04 00 11 00 22 2F 2A")
     first, second = turned[:8], turned[8:]

@@ -178,6 +178,21 @@ def test_advice_of_a_request_and_its_exception(pdu: str, code: int | None, reaso
     assert (found.reason, [ask.pdu.hex() for ask in found.ask_instead]) == (reason, instead)
 
 
+@given(
+    st.sampled_from((5, 6, 15, 16, 22, 23)),
+    st.binary(max_size=12),
+    st.sampled_from((None, 1, 2, 3)),
+    st.integers(0, 255),
+)
+def test_no_advice_writes_what_the_request_does_not_hold(
+    function: int, body: bytes, code: int | None, unit: int
+) -> None:
+    """A cut or impossible write: what would be sent is no more than was meant, and can be sent."""
+    told = advice(unit, bytes((function,)) + body, code)
+    for instead in told.ask_instead if told is not None else ():
+        assert len(instead.adu) <= 256 and (instead.is_read or len(instead.data) <= len(body))
+
+
 @pytest.mark.parametrize(("pdu", "code"), [("0300000005", None), ("039c410002", None), ("0300000005", 2), ("03", 2)])
 def test_no_advice_where_the_request_may_be_right(pdu: str, code: int | None) -> None:
     assert advice(17, bytes.fromhex(pdu), code) is None

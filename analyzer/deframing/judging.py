@@ -13,7 +13,7 @@ from typing import Final, Literal
 from captures.checked import Checked
 from dissectors.crc import crc_bytes, crc_ok
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
-from dissectors.lengths import Role, expectation, pdu_length, plausibility, rule, sound_roles
+from dissectors.lengths import Role, declared_roles, expectation, pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU, OVERHEAD
 
 from .weighing import tells_ascii
@@ -112,14 +112,13 @@ def _rtu(data: bytes) -> Iterator[Checked]:
     at, tried, right = 0, 0, False
     while at <= len(data) - MIN_ADU and tried < _REACH:
         length = 0
-        head = data[at : at + MAX_ADU] if _may_begin(data, at) else b""
-        for role in Role:
-            expected = predicted(head, role)
-            if expected is not None and MIN_ADU <= expected <= len(head) and crc_ok(head[:expected]):
+        for role in _may_begin(data, at):
+            expected = (pdu_length(data[at + 1 : at + MAX_ADU], role) or 0) + OVERHEAD
+            if MIN_ADU <= expected <= len(data) - at and crc_ok(data[at : at + expected]):
                 length = expected
                 break
         if length:
-            yield Checked(at, at + length, _repeats(head[:length]), "rtu")
+            yield Checked(at, at + length, _repeats(data[at : at + length]), "rtu")
             right, tried = True, 0
         tried += 1
         at += length or 1
@@ -127,12 +126,11 @@ def _rtu(data: bytes) -> Iterator[Checked]:
         yield Checked(0, len(data), envelope="rtu", odd=True)
 
 
-def _may_begin(data: bytes, at: int) -> bool:
-    """Whether a frame that is known how to measure can begin here."""
-    function = data[at + 1]
-    if function & EXCEPTION:
-        return 0 < data[at + 2] <= _LAST_EXCEPTION
-    return rule(function, Role.REQUEST) is not None
+def _may_begin(data: bytes, at: int) -> tuple[Role, ...]:
+    """The roles of frames that are known how to measure and can begin here."""
+    code, roles = data[at + 1], declared_roles(data[at + 1])
+    known = 0 < data[at + 2] <= _LAST_EXCEPTION if code & EXCEPTION else Role.REQUEST in roles
+    return roles * known
 
 
 def predicted_roles(data: bytes) -> tuple[Role, ...]:

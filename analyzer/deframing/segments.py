@@ -115,6 +115,7 @@ def evidence_rows(n: int) -> BoundaryEvidence:
 _KIND_OF_ROLE = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
 _KINDS = _KIND_OF_ROLE.tobytes()
 _FEW = 48  # segments
+_READS_BITS = 48  # of the numbers of reads
 _SURE = 25.0  # bits: one less a share of 2 to the power of -25 is one, in 32 bits
 
 
@@ -218,7 +219,8 @@ class UnorderedRows:
             mark=reads.mark,
         )
         why = evidence_rows(0) if decided.why is None else decided.why
-        return cls(rows, data, reads.head, reads.tail, reads.heard, why)
+        first = port << _READS_BITS  # each port counts its own reads, and one of two ports is never the same
+        return cls(rows, data, reads.head + first, reads.tail + first, reads.heard, why)
 
     @classmethod
     def joined(cls, parts: Sequence[UnorderedRows]) -> UnorderedRows:

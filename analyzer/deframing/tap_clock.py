@@ -35,11 +35,11 @@ _EVERY: Final = 1024
 _MEMORY: Final = 8192  # frames, beyond which old ones fade
 _BYTE_BY_BYTE: Final = 0.9  # reads a byte
 _QUANTILE: Final = 0.995
-_MARGIN: Final = 1.2
+MARGIN: Final = 1.2  # times as far as a tap was seen to be wrong
 _OFTEN: Final = 0.05  # of the sound frames that stray, by which the farthest is known
 _ENOUGH: Final = 20.0  # frames that stray: of so many one goes about as far as any
 _MOST_VERDICTS: Final = 512  # verdicts
-_USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
+USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
 _T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
 _STEPS_NS: Final = tuple(10**power for power in range(9, 3, -1))  # to which logs write their times; each holds the next
@@ -158,7 +158,7 @@ class TapClock:
         verdict = self.newest()
         if verdict.wait_ns == UNKNOWN:
             return UNKNOWN if self.known else 0.0
-        return verdict.step_ns if not verdict.fine and verdict.wait_ns == _USUAL_NS else verdict.wait_ns
+        return verdict.step_ns if not verdict.fine and verdict.wait_ns == USUAL_NS else verdict.wait_ns
 
     def _early(self) -> TapClock:
         """The same as if no more frames came; nothing is learnt of any before the first verdict."""
@@ -217,7 +217,7 @@ class TapClock:
             whole = ascii_mode.reads < _BYTE_BY_BYTE * ascii_mode.octets  # several bytes a read
             trust = self._by_silences(ascii_mode, ascii_mode.shared) if whole else self._by_lateness(ascii_mode)
         else:  # packets, which have times of their own
-            trust = TimeTrust(False, UNKNOWN, _USUAL_NS if self._timed else UNKNOWN)
+            trust = TimeTrust(False, UNKNOWN, USUAL_NS if self._timed else UNKNOWN)
         return replace(trust, step_ns=step, wait_ns=max(trust.wait_ns, step)) if step else trust
 
     def _by_silences(self, heard: _HeardFrames, shared: float) -> TimeTrust:
@@ -228,16 +228,16 @@ class TapClock:
             return TimeTrust(True, jitter, jitter, each)
         astray = heard.astray.quantile(_QUANTILE) if self._speed_declared else None
         if astray is not None and self._strays_tell(heard, astray, each):
-            return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
-        return TimeTrust(False, UNKNOWN, _USUAL_NS if heard.alone(shared) else UNKNOWN, each)
+            return TimeTrust(False, UNKNOWN, astray * MARGIN, each)
+        return TimeTrust(False, UNKNOWN, USUAL_NS if heard.alone(shared) else UNKNOWN, each)
 
     def _by_lateness(self, heard: _HeardFrames) -> TimeTrust:
         """Of ASCII mode byte by byte, whose senders may pause within a frame: only what comes too soon is the tap's."""
         each = heard.octets / max(heard.reads, 1.0)
         late = heard.late.quantile(_QUANTILE) if self._speed_declared else None
         if late:
-            return TimeTrust(False, UNKNOWN, late * _MARGIN, each)
-        return TimeTrust(False, UNKNOWN, _USUAL_NS if heard.alone(heard.shared) else UNKNOWN, each)
+            return TimeTrust(False, UNKNOWN, late * MARGIN, each)
+        return TimeTrust(False, UNKNOWN, USUAL_NS if heard.alone(heard.shared) else UNKNOWN, each)
 
     def _strays_tell(self, heard: _HeardFrames, astray: float, each: float) -> bool:
         """Whether frames that stray tell how late reads may be: many do, or enough, and by as much as a usual read must
@@ -250,7 +250,8 @@ def _columns_of(rows: Rows) -> tuple[NDArray[Any], ...]:
     """Of the frames among rows, what a clock learns from."""
     frames = rows.kind != Kind.NOISE
     rows = rows if frames.all() else rows[frames]
-    before, most, least = rows.gap_before_ns, rows.gap_most_ns, rows.gap_least_ns
+    before = np.where(rows.start > 0, rows.gap_before_ns, 0)  # before the first one of a port nothing came at all
+    most, least = rows.gap_most_ns, rows.gap_least_ns
     return rows.protocol, rows.t_end_ns, rows.reads, rows.length, before, most, least, rows.check
 
 
@@ -280,7 +281,7 @@ class _HeardFrames:
 
     def alone(self, shared: float) -> bool:
         """Whether each frame came in a read of its own."""
-        return shared <= 1 + 0.01 * self.counted
+        return shared <= 0.01 * self.counted
 
     def add(
         self,

@@ -10,22 +10,25 @@ moment for their diagnosis, and the first one that is not brings theirs along. W
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
+from dissectors.length_rules import Role
 
 from ..deframing.tap_clock import TapClock
+from ..failures import FailedPart, Failures
 from ..options import Options
-from ..outages import NOTICED_NS, Deaf, excusable, excused, with_unheard
+from ..outages import NOTICED_NS, Deaf, excusable, excused, with_cut_off, with_unheard
 from ..tables.batch import Batch, join_batches
-from ..tables.findings import NOTHING, FindingLook, Findings, codes, fresh_looks
+from ..tables.findings import NOTHING, FindingLook, Findings, codes, codes_of, fresh_looks
 from ..tables.schema import Kind, Rows
 from ..tables.taps import TapKind, may_speak_of, tap_kind
 from ..tables.transactions import NEVER, TransactionRows, Transactions
+from .damage.case import predicted_length
 from .damage.triage import Triage
 from .view import DiagnosisStep, LookBack
 
@@ -45,6 +48,7 @@ class Diagnosis:
     _now: int
     _mute: list[int]
     _answers: bool
+    _failures: Failures
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self._line = line
@@ -57,6 +61,12 @@ class Diagnosis:
         self._examiner = Triage(self._trail, line)
         self._timed = False
         self._now = 0
+        self._failures = Failures()
+
+    @property
+    def failed(self) -> tuple[FailedPart, ...]:
+        """Looks that failed, and were not asked again: what they remember is broken."""
+        return self._failures.parts
 
     @property
     def open_from(self) -> int | None:
@@ -69,7 +79,7 @@ class Diagnosis:
         self._timed = self._timed or bool(batch.rows.t_end_ns.any())
         view = self._view(batch, transactions)
         self._clock.feed(view.rows)
-        findings = self._spoken(part for look in self._looks for part in look(view))
+        findings = self._spoken(self._seen(lambda look: look(view)))
         self._trail.go_on(batch)
         return findings
 
@@ -78,9 +88,19 @@ class Diagnosis:
         settled = TransactionRows.zeros(0) if transactions is None else transactions
         self._clock.close()
         view = self._view(Batch.empty(), settled)
-        last = [part for look in self._looks for part in look(view)]
-        last += [part for look in self._looks if hasattr(look, "close") for part in look.close(view)]
-        return self._spoken(last)
+        last = self._seen(lambda look: look(view))
+        return self._spoken(last + self._seen(lambda look: look.close(view) if hasattr(look, "close") else ()))
+
+    def _seen(self, ask: Callable[[FindingLook], Iterable[Findings]]) -> list[Findings]:
+        """What the looks give; one that fails is left out from then on."""
+        seen = list[Findings]()
+        for look in [*self._looks]:
+            try:
+                seen += ask(look)
+            except Exception as error:
+                self._looks = [each for each in self._looks if each is not look]
+                self._failures.add(codes_of(look), error)
+        return seen
 
     def _spoken(self, parts: Iterable[Findings]) -> Findings:
         """Those that may be told of such a tap, in order."""
@@ -106,7 +126,8 @@ class Diagnosis:
             self._examiner.explained,
             self._now,
         )
-        view.verdicts.update(self._examiner.examine(view))
+        with self._failures.contained("damage"):
+            view.verdicts.update(self._examiner.examine(view))
         return view
 
 
@@ -121,6 +142,20 @@ def _ordered(parts: Iterable[Findings]) -> Findings:
         return NOTHING
     every = Findings.joined(tables)
     return every[np.lexsort((every.rule, every.start, every.t_ns, every.start < 0))]
+
+
+_NOT_BEGUN: Final = (-1, 0)
+
+
+def _begun_by(batch: Batch) -> tuple[int, int]:
+    """The index and the end (ns) of the last frame, where it is the beginning of an answer; -1 where it is none, or has
+    no time."""
+    rows = batch.rows
+    if rows.kind[-1] != Kind.RESPONSE or rows.check[-1] or rows.t_end_ns[-1] <= 0:
+        return _NOT_BEGUN
+    length = predicted_length(batch.bytes_of(len(batch) - 1), Role.RESPONSE)
+    is_beginning = length is not None and length.length > rows.length[-1]
+    return (int(rows.index[-1]), int(rows.t_end_ns[-1])) if is_beginning else _NOT_BEGUN
 
 
 _WAIT_NS: Final = 1_000_000_000  # that healthy rows wait at most
@@ -141,6 +176,7 @@ class Judge:
     _asking: bool
     _frames: int
     _cut: list[tuple[int, Findings]]
+    _begun: tuple[int, int]
 
     def __init__(self, line: LineSettings, options: Options, outages: Sequence[Deaf] = ()) -> None:
         """`outages`: times in which nothing was received; nobody is blamed for what is missing then."""
@@ -153,6 +189,7 @@ class Judge:
         self._asking = False  # the last frame was a request
         self._frames = 0  # that were judged
         self._cut = []  # that an outage may excuse, and frames all of which is said
+        self._begun = _NOT_BEGUN
 
     @property
     def open_from(self) -> int | None:
@@ -162,6 +199,11 @@ class Judge:
         """
         bounds = (self._transactions.open_from, self._diagnosis.open_from, *(before for before, _ in self._cut))
         return min((bound for bound in bounds if bound is not None), default=None)
+
+    @property
+    def failed(self) -> tuple[FailedPart, ...]:
+        """What of the diagnosis failed so far."""
+        return self._diagnosis.failed
 
     @property
     def waits(self) -> bool:
@@ -180,10 +222,13 @@ class Judge:
             return TransactionRows.zeros(0), self._uncut(now_ns) if self._cut else NOTHING
         return self._settle(now_ns)
 
-    def close(self) -> tuple[TransactionRows, Findings]:
-        """No more rows come: the rest, and what concerns the bus as a whole."""
+    def close(self, now_ns: int) -> tuple[TransactionRows, Findings]:
+        """No more rows come, and nothing was heard up to `now_ns`: the rest, and what concerns the bus as a whole."""
         settled, findings = self._settle(NEVER) if self._waiting else (TransactionRows.zeros(0), NOTHING)
         last = with_unheard(self._transactions.close(), self.outages, last=True)
+        index, end_ns = self._begun
+        cut = index if now_ns <= end_ns + NOTICED_NS else -1
+        last = with_cut_off(last, now_ns, self._transactions.patience_ns, cut)
         concluded = excused(self._diagnosis.close(last), self.outages)
         findings = Findings.joined((findings, concluded, self._uncut(None)))
         return TransactionRows.joined((settled, last)), findings
@@ -191,6 +236,7 @@ class Judge:
     def _settle(self, now_ns: int) -> tuple[TransactionRows, Findings]:
         batch = join_batches(self._waiting)
         self._waiting, self._rows = [], 0
+        self._begun = _begun_by(batch)
         before = self.open_from
         settled = with_unheard(self._transactions.feed(batch), self.outages)
         findings = self._diagnosis.feed(batch, settled)

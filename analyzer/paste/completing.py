@@ -11,7 +11,8 @@ from typing import Final
 from dissectors.length_rules import Role
 from dissectors.limits import MIN_ADU
 
-from .model import Envelope, PastedFrame, PastedNoise, PastePart, Piece, edges_of, right_frames, tiled
+from ..deframing.judging import judge
+from .model import Envelope, PastedFrame, PastedNoise, PastePart, Piece, edges_of, frames_of, right_frames, tiled
 from .readings import BOTH, LeftBytes, answers, chosen, possible
 
 _NO_PART: Final = PastePart(b"")
@@ -28,6 +29,7 @@ def completed(
     divided = edges if _are_divided(right, parts) else [0, len(data)]
     by_start = dict(zip(edges, parts, strict=False))
     spoken, sides = {frame.adu.protocol for frame in right}, _sides(right, by_start)
+    counted = _are_counted(right, parts)
     done: list[Piece] = []
     for settled, group in groupby(_on_their_sides(pieces, by_start, sides), _is_right):
         own = list(group)
@@ -40,7 +42,7 @@ def completed(
             part, before = by_start.get(stretch.start, _NO_PART), [*done[-1:], *read]
             beside = stretch._replace(
                 roles=roles, envelope=envelope, request=_asked(before, "rtu"), side=sides.get(part.mark),
-                spoken=spoken, colon=part.ascii,
+                spoken=spoken, counted=counted, colon=part.ascii,
             )  # fmt: skip
             read += _read(beside, before)
         silent = all(isinstance(piece, PastedNoise) for piece in [*own, *read])
@@ -60,17 +62,22 @@ def _is_right(piece: Piece) -> bool:
 
 
 def _are_divided(right: Sequence[PastedFrame], parts: Sequence[PastePart]) -> bool:
-    """Whether frames of a paste end where its parts do; where none is right, whether parts may be frames."""
-    ends = {*edges_of(parts)}
+    """Whether no frame goes over the edges of a paste's parts; where none is right, whether parts may be frames."""
+    edges = edges_of(parts)
     if not right:
         return min(len(part.data) for part in parts) >= _LEAST
-    return all({frame.start, frame.start + frame.length} <= ends for frame in right)
+    return all(bisect_right(edges, frame.start) == bisect_left(edges, frame.start + frame.length) for frame in right)
+
+
+def _are_counted(right: Sequence[PastedFrame], parts: Sequence[PastePart]) -> bool:
+    """Whether no frame is right, and half of the parts or more are as long as their headers say."""
+    return not right and 2 * sum(bool(judge(part.data, damaged=True)) for part in parts) >= len(parts)
 
 
 def _stretches(group: Sequence[Piece], data: bytes, edges: Sequence[int]) -> Iterator[LeftBytes]:
     """The bytes of neighbouring pieces by the parts that they stand in, with the damaged frames that end there, too."""
     start, end = group[0].start, group[-1].start + group[-1].length
-    damaged = [piece for piece in group if isinstance(piece, PastedFrame)]
+    damaged = frames_of(group)
     inner = edges[bisect_right(edges, start) : bisect_left(edges, end)]
     bounds = {start, end}.intersection(edges).union(inner)
     for low, high in pairwise([start, *inner, end]):

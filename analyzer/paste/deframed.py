@@ -17,7 +17,6 @@ from captures import Capture, Chunk, Mark
 from captures.line import DIRECTIONS_NOTE, EXCERPT_NOTE, PROTOCOLS_NOTE, LineSettings
 from dissectors.crc import crc_bytes
 from dissectors.length_rules import Role
-from dissectors.limits import CRC_SIZE
 
 from ..core import deframe
 from ..deframing.judging import envelope_of, judge
@@ -25,11 +24,12 @@ from ..diagnosis.damage.triage import VAGUE
 from ..diagnosis.judge import Diagnosis
 from ..diagnosis.rules.noise import Pattern
 from ..options import Options
+from ..outages import with_cut_off
 from ..tables.batch import Batch, Frame
 from ..tables.findings import Finding, Findings, described
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..tables.transactions import Transactions
-from .model import Envelope, PastedFrame, PastedNoise, PastePart, Piece, edges_of, right_frames
+from .model import Envelope, PastedFrame, PastedNoise, PastePart, Piece, edges_of, frames_of
 
 _SIDES: Final = ("", "request", "response")  # by marks
 
@@ -119,13 +119,14 @@ _PLACELESS: Final = (Pattern.STRAY, Pattern.IDLE, Pattern.QUOTED)  # of noise: a
 
 def findings(pieces: Sequence[Piece]) -> list[tuple[Finding, ...]]:
     """What is wrong with each piece of a paste; of a frame cut before its function code there is nothing to say."""
-    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
+    frames = frames_of(pieces)
     unclear = _unclear(pieces)
     first = {frame.adu.data: frame.start for frame in reversed(frames)}
     by_start: dict[int, list[Finding]] = {piece.start: [] for piece in pieces}
     for piece, finding in _diagnosed([piece for piece in pieces if _is_examined(piece)]):
         if isinstance(piece, PastedNoise):
-            carried = finding.code not in VAGUE and finding.numbers.get("pattern") not in _PLACELESS
+            vague = finding.code in VAGUE and "due" not in finding.numbers
+            carried = not vague and finding.numbers.get("pattern") not in _PLACELESS
         else:
             again, answered = first[piece.adu.data] < piece.start, piece.start not in unclear
             carried = _carried(finding.code, piece, again=again, answered=answered)
@@ -144,8 +145,10 @@ def _diagnosed(pieces: Sequence[Piece]) -> Iterator[tuple[Piece, Finding]]:
     batch = Batch(rows, np.frombuffer(b"".join(sent), np.uint8))
     transactions, diagnosis = Transactions(), Diagnosis(LineSettings(notes={EXCERPT_NOTE: ""}), Options())
     reported = diagnosis.feed(batch, transactions.feed(batch))
-    reported = Findings.joined((reported, diagnosis.close(transactions.close())))
-    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
+    end_ns = int(rows.t_end_ns.max(initial=0))
+    last = with_cut_off(transactions.close(), end_ns, transactions.patience_ns, -1)  # a text may end anywhere
+    reported = Findings.joined((reported, diagnosis.close(last)))
+    frames = frames_of(pieces)
     at = dict(zip(rows.start.tolist(), pieces, strict=True))
     for finding in described(reported[:_MOST_FINDINGS]):
         if finding.index is not None:
@@ -156,8 +159,8 @@ def _diagnosed(pieces: Sequence[Piece]) -> Iterator[tuple[Piece, Finding]]:
 
 def _unclear(pieces: Sequence[Piece]) -> set[int]:
     """Where requests begin that may well have got an answer: what is behind them is no whole frame."""
-    right = {frame.start for frame in right_frames(pieces)}
-    both = {piece.start for piece in pieces if isinstance(piece, PastedFrame) and piece.also is not None}
+    right = {frame.start for frame in frames_of(pieces) if frame.is_right or frame.lacks_crc}
+    both = {frame.start for frame in frames_of(pieces) if frame.also is not None}
     return both.union(piece.start for piece, behind in pairwise(pieces) if behind.start not in right)
 
 
@@ -175,11 +178,7 @@ def _as_captured(frame: PastedFrame) -> bytes:
     adu = frame.adu
     if adu.protocol == "ascii":
         return b":" + adu.data.hex().upper().encode() + b"\r\n"
-    return adu.data + crc_bytes(adu.data) if _shows_no_crc(frame) else adu.data
-
-
-def _shows_no_crc(frame: PastedFrame) -> bool:
-    return frame.adu.protocol == "rtu" and frame.missing == CRC_SIZE and frame.length_known
+    return adu.data + crc_bytes(adu.data) if frame.lacks_crc else adu.data
 
 
 def _rows(pieces: Sequence[Piece], sent: Sequence[bytes]) -> Rows:
@@ -193,7 +192,7 @@ def _rows(pieces: Sequence[Piece], sent: Sequence[bytes]) -> Rows:
     rows.request[:] = rows.request_start[:] = rows.response_ns[:] = rows.taken_for_start[:] = -1
     rows.gap_before_ns[:] = rows.gap_most_ns[:] = rows.gap_least_ns[:] = NO_GAP
     rows.reads[:] = 1
-    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
+    frames = frames_of(pieces)
     begins = [frame.t_start_ns for frame in frames if frame.t_start_ns is not None]
     if len(begins) == len(frames) > 0:  # bytes outside frames: as of the frame before them
         rows.t_start_ns[:] = rows.t_end_ns[:] = np.array(begins)[np.maximum(number, 0)]
@@ -210,5 +209,5 @@ def _fill(rows: Rows, row: int, frame: PastedFrame, at: Mapping[int | None, int]
     rows.unit[row], rows.mark[row] = frame.adu.unit or 0, frame.mark
     rows.function[row], rows.exception[row] = frame.function or 0, frame.exception or 0
     # Modbus TCP has no check value to be wrong, and one that a text leaves out is not
-    rows.check[row] = frame.is_right or frame.adu.protocol == "tcp" or _shows_no_crc(frame)
+    rows.check[row] = frame.is_right or frame.adu.protocol == "tcp" or frame.lacks_crc
     rows.request[row] = at.get(frame.request_start, -1)

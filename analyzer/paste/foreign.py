@@ -12,7 +12,7 @@ from dissectors.limits import CRC_SIZE
 from dissectors.unnamed import TrafficSoFar
 
 from ..languages import counted, phrase, tr
-from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, edges_of, right_frames
+from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, edges_of, frames_of, right_frames
 
 _PART: Final = 2  # one byte in so many must be of a frame of it
 
@@ -39,7 +39,7 @@ def without_chance(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[
     A whole line, or several, that is a right frame of a predicted length is none; of other functions whole lines tell,
     where there are lines: from one line to a later one too many windows may be right.
     """
-    framed = sum(piece.length for piece in pieces if isinstance(piece, PastedFrame))
+    framed = sum(frame.length for frame in frames_of(pieces))
     right = {frame.adu.data for frame in right_frames(pieces) if frame.adu.check_ok}
     legal = {*filter(_has_its_length, right)}
     lines = right if len(parts) == 1 else {part.data for part in parts}

@@ -20,6 +20,8 @@ from ..requests.advice import Advice, advice
 from ..tables.spoken import spoken_json
 
 if TYPE_CHECKING:
+    from captures.text.logs import UnreadLine
+
     from ..tables.findings import Finding
 
 
@@ -56,6 +58,7 @@ class PastedFrame:
     also: Role | None = None  # its bytes read as this too
     missing: int = 0  # bytes still to come
     length_known: bool = True  # if not, `missing` is the least
+    unchecked: bool = False  # its text leaves the check values of frames out
     confidence: float = 1.0
     t_start_ns: int | None = None
     t_end_ns: int | None = None
@@ -76,8 +79,13 @@ class PastedFrame:
 
     @property
     def check_ok(self) -> bool | None:
-        """Check value right; None where the envelope has none. A cut frame's is not."""
-        return False if self.missing else self.adu.check_ok
+        """Check value right; None where the envelope has none, or the text leaves it out. A cut frame's is not."""
+        return None if self.unchecked else False if self.missing else self.adu.check_ok
+
+    @property
+    def lacks_crc(self) -> bool:
+        """Whether it is whole but for its CRC."""
+        return self.adu.protocol == "rtu" and self.missing == CRC_SIZE and self.length_known
 
     @property
     def is_right(self) -> bool:
@@ -188,9 +196,14 @@ class PastedNoise:
 Piece = PastedFrame | PastedNoise
 
 
+def frames_of(pieces: Iterable[Piece]) -> list[PastedFrame]:
+    """The frames of some pieces, damaged and cut ones among them."""
+    return [piece for piece in pieces if isinstance(piece, PastedFrame)]
+
+
 def right_frames(pieces: Iterable[Piece]) -> list[PastedFrame]:
     """The frames of some pieces that are whole, no check value wrong."""
-    return [piece for piece in pieces if isinstance(piece, PastedFrame) and piece.is_right]
+    return [frame for frame in frames_of(pieces) if frame.is_right]
 
 
 def tiled(data: bytes, start: int, frames: Sequence[PastedFrame]) -> list[Piece]:
@@ -204,15 +217,6 @@ def tiled(data: bytes, start: int, frames: Sequence[PastedFrame]) -> list[Piece]
     return [piece for piece in pieces if piece.length]
 
 
-class Unread(NamedTuple):
-    """A line of a paste of which not all was read, and why; `empty` where there is nothing like bytes in it."""
-
-    line: int
-    text: str
-    why: str
-    empty: bool = False
-
-
 @dataclass(frozen=True, slots=True)
 class Paste:
     """A paste with its reading: the envelope that was taken, why, the pieces, and the lines that were not read."""
@@ -220,11 +224,11 @@ class Paste:
     protocol: str  # rtu, ascii, tcp or pdu; of several the one of most lines
     why: str
     pieces: tuple[Piece, ...]
-    unread: tuple[Unread, ...] = ()
+    unread: tuple[UnreadLine, ...] = ()
 
     def frames(self) -> Iterator[PastedFrame]:
         """The frames, cut ones among them."""
-        return (piece for piece in self.pieces if isinstance(piece, PastedFrame))
+        return iter(frames_of(self.pieces))
 
     @property
     def holds_a_frame(self) -> bool:

@@ -24,7 +24,7 @@ from ..deframing.judging import judge
 from ..deframing.weighing import bare_bits
 from ..errors import RtuscopeError
 from .completing import completed
-from .model import Envelope, Paste, PastedFrame, PastePart, Piece, Unread, edges_of, right_frames, tiled
+from .model import Envelope, Paste, PastedFrame, PastePart, Piece, edges_of, frames_of, right_frames, tiled
 from .readings import BOTH, LeftBytes, answers, chosen, directed, other, possible
 from .words import why
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from datetime import tzinfo
 
     from captures.checked import Checked
+    from captures.text.logs import UnreadLine
 
 _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RESPONSE,)}
 LONGEST: Final = 1 << 20  # bytes
@@ -66,7 +67,7 @@ def read(
     return with_findings(replace(paste, pieces=_as_written(paste.pieces, parts), unread=unread))
 
 
-def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[Unread, ...]]:
+def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[UnreadLine, ...]]:
     """The bytes in a text; what is nothing but pairs of digits needs no look at all the ways of writing bytes."""
     words = text.split()
     if "\n" not in text.strip() and len(words) > 1 and all(len(word) == _PAIR for word in words):
@@ -76,7 +77,7 @@ def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[Unrea
 
     parsed = read_paste(text, judge, zone)
     parts = [PastePart(item.data, item.mark, item.t_ns, item.ascii) for item in parsed.words]
-    return parts, tuple(Unread(one.line, one.text, one.why, one.empty) for one in parsed.unread)
+    return parts, parsed.unread
 
 
 def read_parts(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
@@ -97,7 +98,16 @@ def read_parts(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[R
             if (pdus := _surely_bare(pieces, parts, roles)) is not None:
                 return pdus
     protocol, words = why(pieces, parts, envelope)
-    return Paste(protocol, words, tuple(_either_way(pieces, parts, roles)))
+    return Paste(protocol, words, _unchecked(_either_way(pieces, parts, roles)))
+
+
+def _unchecked(pieces: Sequence[Piece]) -> tuple[Piece, ...]:
+    """The pieces; where most frames, and several, lack their CRCs, the text leaves them out, and none is wrong."""
+    frames = frames_of(pieces)
+    bare: dict[int, Piece] = {frame.start: replace(frame, unchecked=True) for frame in frames if frame.lacks_crc}
+    several = len({frame.adu.data for frame in frames if frame.start in bare}) > 1
+    left_out = several and 2 * len(bare) > len(frames)
+    return tuple(bare.get(piece.start, piece) if left_out else piece for piece in pieces)
 
 
 def _either_way(pieces: Sequence[Piece], parts: Sequence[PastePart], roles: Sequence[Role]) -> list[Piece]:
@@ -222,7 +232,7 @@ def with_findings(paste: Paste) -> Paste:
     """The paste, its pieces with what is wrong with them; frames that are all as they should be need no diagnosis."""
     frames = list(paste.frames())
     odd = len(frames) > _CONVERSATION or any(map(_suspicious, frames)) or _heard(frames)
-    if paste.protocol == "pdu" or not frames or not (odd or len(frames) < len(paste.pieces)):
+    if paste.protocol == "pdu" or not (odd or len(frames) < len(paste.pieces)):
         return paste
     from .deframed import findings
 

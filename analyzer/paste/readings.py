@@ -16,7 +16,7 @@ from dataclasses import replace
 from math import log2
 from typing import Final, NamedTuple
 
-from dissectors.crc import crc_ends
+from dissectors.crc import INIT, byte_between, crc_ends, needed
 from dissectors.envelopes import Adu, ascii_frames, rtu, tcp
 from dissectors.foreign import is_undeclared
 from dissectors.functions import function
@@ -24,7 +24,7 @@ from dissectors.length_rules import Role
 from dissectors.lengths import expectation, miscounted_role, pdu_length, plausibility
 from dissectors.limits import CRC_SIZE, EXCEPTION, MAX_ADU, MIN_ADU
 
-from ..deframing.judging import predicted
+from ..deframing.judging import judge, predicted, predicted_roles
 from ..deframing.weighing import begins_tcp, rtu_bits, rtu_head_bits, tcp_head_bits, tells_ascii
 from .model import Envelope, PastedFrame
 
@@ -54,8 +54,9 @@ class LeftBytes(NamedTuple):
     """Bytes of one part of a paste that are no right frame, and what is known beside them.
 
     `request`: the one that may be answered here. `damaged`: what the deframer made of them. `side`: who speaks, by the
-    text's marks. `spoken`: envelopes that are proven elsewhere in the paste. `whole`: all of a part; `last`: they end
-    the paste; `alone`: they are all of it; `colon`: the text shows ASCII mode.
+    text's marks. `spoken`: envelopes that are proven elsewhere in the paste. `counted`: nothing of the paste is right,
+    and half of its parts or more are as long as their headers say. `whole`: all of a part; `last`: they end the paste;
+    `alone`: they are all of it; `colon`: the text shows ASCII mode.
     """
 
     data: bytes
@@ -66,6 +67,7 @@ class LeftBytes(NamedTuple):
     damaged: Sequence[PastedFrame] = ()
     side: Role | None = None
     spoken: Collection[str] = ()
+    counted: bool = False
     whole: bool = False
     last: bool = False
     alone: bool = False
@@ -109,10 +111,12 @@ def _due_answer(stretch: LeftBytes) -> Iterator[ReadFrame]:
 
 
 def _own_echo(stretch: LeftBytes) -> Iterator[ReadFrame]:
-    """The request itself, come back cut."""
-    asked, size = stretch.request, len(stretch.data)
-    if asked is not None and _LEAST <= size < asked.length and asked.adu.data.startswith(stretch.data):
-        yield _candidate(stretch, 0, asked.length, Role.REQUEST, 8.0 * size)
+    """The request itself, come back cut, or as it was, with a wrong CRC."""
+    asked = stretch.request
+    for at in range(min(len(stretch.data) - _LEAST, _MOST_BEFORE) + 1):
+        if asked is not None and asked.adu.data.startswith(stretch.data[at:]):
+            whole = asked.length + asked.missing
+            yield _candidate(stretch, at, whole, Role.REQUEST, 8.0 * (len(stretch.data) - at) - at)
 
 
 def _as_deframed(stretch: LeftBytes) -> Iterator[ReadFrame]:
@@ -123,6 +127,14 @@ def _as_deframed(stretch: LeftBytes) -> Iterator[ReadFrame]:
             if role is frame.role or predicted(frame.adu.data, role) == frame.length:
                 bits = max(rtu_bits(frame.adu.data, (role,)), 0.0) - (_ALIKE + 1) * (role is not frame.role)
                 yield ReadFrame(at, at + frame.length, bits, replace(frame, role=role))
+
+
+def _end_to_end(stretch: LeftBytes) -> Iterator[ReadFrame]:
+    """Frames as long as their headers say, one behind the other, all with wrong CRCs."""
+    for span in judge(stretch.data, damaged=True):
+        data = stretch.data[span.start : span.end]
+        for role in sorted({*stretch.roles} & {*predicted_roles(data)}):
+            yield _candidate(stretch, span.start, len(data), role, rtu_bits(data, (role,)))
 
 
 def _right_crc(stretch: LeftBytes) -> Iterator[ReadFrame]:
@@ -193,6 +205,7 @@ READINGS: Final = (
     ReadingRow("due answer", "rtu", 0.0, lambda s: True, _due_answer),
     ReadingRow("own echo", "rtu", 0.0, lambda s: True, _own_echo),
     ReadingRow("as deframed", "rtu", 4.0, lambda s: bool(s.damaged), _as_deframed),
+    ReadingRow("end to end", "rtu", 0.0, lambda s: s.whole and (s.counted or s.alone), _end_to_end),
     ReadingRow("right CRC", "rtu", 16.0, lambda s: s.whole, _right_crc),
     ReadingRow("without CRC", "rtu", 0.0, lambda s: s.whole, _without_crc),
     ReadingRow("cut", "rtu", 0.0, lambda s: s.alone or (s.last and len(s.data) >= _LEAST), _begun),
@@ -202,7 +215,8 @@ READINGS: Final = (
 
 
 def chosen(stretch: LeftBytes) -> list[ReadFrame]:
-    """The frames of a stretch that fit end to end with the greatest sum, in order; none where noise costs less."""
+    """The frames of a stretch that fit end to end with the greatest sum, in order; none where noise costs less, or a
+    frame that lacks its unit."""
     found = [
         candidate._replace(bits=candidate.bits + row.bits + _beside(candidate.frame, stretch))
         for row in READINGS
@@ -217,11 +231,17 @@ def chosen(stretch: LeftBytes) -> list[ReadFrame]:
         ends.append(one.end)
         best.append(number if sums[-1] > sums[best[-1]] else best[-1])
     way: list[ReadFrame] = []
-    at = best[-1]
+    at = best[-1] if sums[best[-1]] > _without_unit(stretch.data) else 0
     while at:
         way.append(ordered[at - 1])
         at = before[at]
     return _either_way(way[::-1], found)
+
+
+def _without_unit(data: bytes) -> float:
+    """What speaks for a PDU and its CRC, which is right with the unit's byte that is missing before them."""
+    unit = byte_between(INIT, needed(data)[0])
+    return 0.0 if unit is None else max(rtu_bits(bytes((unit,)) + data), 0.0)
 
 
 def _beside(frame: PastedFrame, stretch: LeftBytes) -> float:

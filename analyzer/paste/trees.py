@@ -9,6 +9,7 @@ worth a hint; all readings are given where asked for.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import Final, NamedTuple
 
 from dissectors.fields import Field
@@ -187,30 +188,21 @@ def _table(fields: Sequence[Field], style: Style) -> Iterator[str]:
 def _rows(fields: Sequence[Field], depth: int) -> Iterator[_TreeRow]:
     indent = "  " * depth
     floats = likely_floats(fields)
-    i = 0
-    while i < len(fields):
-        field = fields[i]
-        bits = _bits_in_a_row(fields, i)
-        if len(bits) > 1:
-            yield _bit_row(bits, indent)
-            i += len(bits)
+    for _, same in groupby(enumerate(fields), _row_of):
+        (i, field), *others = same
+        if others:
+            yield _bit_row([field, *(bit for _, bit in others)], indent)
             continue
         text = field.text + (f"   {floats[i]}" if i in floats else "")
         problem = None if field.name in _CHECKS else field.problem
         yield _TreeRow(str(field.start), _octets(field), indent + field_name(field.name), text, problem)
         yield from _rows(field.fields, depth + 1)
-        i += 1
 
 
-def _bits_in_a_row(fields: Sequence[Field], first: int) -> Sequence[Field]:
-    """The coils or inputs of one byte, from `first` on."""
-    last = first
-    while last < len(fields):
-        field = fields[last]
-        if field.bits != 1 or field.name != fields[first].name or field.start != fields[first].start:
-            break
-        last += 1
-    return fields[first:last]
+def _row_of(place: tuple[int, Field]) -> tuple[str, int]:
+    """What fields of one row share: coils or inputs of one byte stand in one, others each in their own."""
+    number, field = place
+    return (field.name, field.start) if field.bits == 1 else ("", number)
 
 
 def _bit_row(bits: Sequence[Field], indent: str) -> _TreeRow:
@@ -244,10 +236,10 @@ _WIDE: Final = {2: 18, 4: 26}  # columns of a number, by its registers
 
 def likely_floats(fields: Sequence[Field]) -> dict[int, str]:
     """For the first register of each pair that looks like a float, by position: what to say."""
-    if not fields or any(field.name != _REGISTER or not isinstance(field.value, int) for field in fields):
-        return {}
-    values = [int(field.value or 0) for field in fields]
-    texts = {}
+    values = [int(field.value) for field in fields if field.name == _REGISTER and isinstance(field.value, int)]
+    texts: dict[int, str] = {}
+    if len(values) < len(fields):
+        return texts
     for i in range(0, len(values) - 1, 2):
         pair = values[i : i + 2]
         hints = [f"{order} {floating(pair, order):.7g}" for order in _USUAL if _everyday(floating(pair, order))]

@@ -12,7 +12,7 @@ from dissectors.lengths import pdu_length, rule
 
 from ..deframing.weighing import begins_tcp
 from ..languages import counted, tr
-from .model import Envelope, PastedFrame, PastePart, Piece
+from .model import Envelope, PastedFrame, PastePart, Piece, frames_of
 
 
 class _PieceCounts(NamedTuple):
@@ -71,7 +71,7 @@ _WHYS: Final = (
 
 def why(pieces: Sequence[Piece], parts: Sequence[PastePart], envelope: Envelope) -> tuple[Envelope, str]:
     """The envelope of most frames, and the reasons for each that there is, the first one's first."""
-    kinds = Counter(piece.adu.protocol for piece in pieces if isinstance(piece, PastedFrame))
+    kinds = Counter(frame.adu.protocol for frame in frames_of(pieces))
     most = kinds.most_common(1)[0][0] if kinds else "rtu" if envelope == "auto" else envelope
     headed = any(begins_tcp(part.data) for part in parts)
     low = not any(map(any, (part.data for part in parts)))
@@ -83,7 +83,7 @@ def why(pieces: Sequence[Piece], parts: Sequence[PastePart], envelope: Envelope)
 
 
 def _counts(pieces: Sequence[Piece], *, forced: bool, headed: bool, low: bool) -> _PieceCounts:
-    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
+    frames = frames_of(pieces)
     right = [frame for frame in frames if frame.check_ok is not False]
     octets, framed = (sum(piece.length for piece in each) for each in (pieces, right))
     cut, sound = sum(frame.missing > 0 for frame in frames), sum(map(_sound, right))

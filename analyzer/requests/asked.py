@@ -23,6 +23,7 @@ _BY_NUMBER: Final = {  # function: by the first digit of a number that it may me
 _PAIR: Final = 4  # bytes of address and quantity, or of address and value
 _OF_ONE: Final = (5, 6, 22)  # functions of one address, with a value in the place of a quantity
 _DATA_AT: Final = {5: 2, 6: 2, 22: 2, 23: 2, 15: 5, 16: 5}  # function: where behind it `Request.data` begins
+_WRITTEN: Final = {5: 2, 6: 2, 22: 4}  # bytes of their data ([1] 6.5, 6.6, 6.16)
 _COUNTED: Final = (15, 16)  # functions whose data follow their count
 _ANSWERED: Final = (*READS, 23)  # functions whose answers hold what was asked for
 
@@ -67,7 +68,7 @@ class Request:
     @property
     def place(self) -> str:
         """The addresses that it asks for, as text."""
-        return f"{self.address}..{self.end - 1}" if self.quantity > 1 else f"{self.address}"
+        return span_words(self.begin, self.end)
 
     @property
     def pdu(self) -> bytes:
@@ -79,6 +80,12 @@ class Request:
         if self.function in _COUNTED:
             return pair + self.quantity.to_bytes(2, "big") + bytes((len(self.data),)) + self.data
         return pair + (self.data if self.function in _DATA_AT else self.quantity.to_bytes(2, "big"))
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all is there that it would write."""
+        counted = taken(self.quantity, self.is_bits) * (self.function in _COUNTED)
+        return len(self.data) >= _WRITTEN.get(self.function, counted)
 
     @property
     def adu(self) -> bytes:
@@ -120,6 +127,11 @@ class Request:
                 self, address=address, quantity=quantity, data=bits.to_bytes(taken(quantity, True), "little")
             )
         return replace(self, address=address, quantity=quantity, data=self.data[2 * skipped : 2 * (skipped + quantity)])
+
+
+def span_words(begin: int, end: int) -> str:
+    """Addresses from one on to before another, as people write them."""
+    return f"{begin}..{end - 1}" if end - begin > 1 else f"{begin}"
 
 
 def request_of(unit: int, pdu: bytes) -> Request | None:

@@ -16,8 +16,9 @@ _PARTS: Final = 40  # requests that one is split into, at most
 
 
 def corrected(reason: Reason, asked: Request, well: Sequence[Request]) -> list[Request]:
-    """Requests in place of one that fails for a reason, if any are known; `well`: some that the unit answers."""
-    return _CORRECTIONS[reason](asked, well)
+    """Requests in place of one that fails for a reason, if any are known; `well`: some that the unit answers. None that
+    would write what the request does not hold."""
+    return [each for each in _CORRECTIONS[reason](asked, well) if each.is_read or asked.is_whole & each.is_whole]
 
 
 class Areas(NamedTuple):
@@ -27,9 +28,14 @@ class Areas(NamedTuple):
 
     @classmethod
     def of(cls, well: Sequence[Request], function: int) -> Areas:
-        """What these requests reach by a function, those that touch put together."""
+        """What these requests reach by a function."""
+        return cls.joined((r.address, r.end) for r in well if r.function == function and r.address is not None)
+
+    @classmethod
+    def joined(cls, spans: Iterable[tuple[int, int]]) -> Areas:
+        """These, those that touch put together."""
         found: list[tuple[int, int]] = []
-        for first, end in sorted((r.address, r.end) for r in well if r.function == function and r.address is not None):
+        for first, end in sorted(spans):
             before, behind = found[-1] if found else (first, first)
             if first <= behind:
                 found[-1:] = [(before, max(behind, end))]
@@ -98,7 +104,7 @@ def _to_the_end(asked: Request, well: Sequence[Request]) -> list[Request]:
     end = ADDRESSES if asked.end > ADDRESSES else Areas.of(well, asked.function).end_within(asked)
     if end is None:
         return _served(asked, well)
-    return [asked.part(asked.begin, min(end - asked.begin, asked.quantity))]
+    return [asked.part(asked.begin, min(end - asked.begin, asked.quantity, asked.most))]
 
 
 def _numbered(asked: Request, _well: Sequence[Request]) -> list[Request]:
@@ -154,7 +160,7 @@ def _has_function(asked: Request, well: Sequence[Request]) -> list[Request]:
 
 
 def _halved(asked: Request, _well: Sequence[Request]) -> list[Request]:
-    return [replace(asked, quantity=asked.quantity // 2)] if asked.is_read and asked.quantity > 1 else []
+    return [replace(asked, quantity=asked.quantity // 2)] * min(asked.is_read, asked.quantity > 1)
 
 
 _CORRECTIONS: Final[Mapping[Reason, Callable[[Request, Sequence[Request]], list[Request]]]] = {

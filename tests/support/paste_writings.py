@@ -46,12 +46,11 @@ def _events(m: Message) -> list[str]:
     return [got, pdu, f"{head} factory:266 Factory Response[ReadHoldingRegistersResponse: 3]"]
 
 
-def _mailed(width: int, before: str, between: str) -> Style:
+def _mailed(width: int, before: str) -> Style:
     """The events, broken where a mail's width ends."""
 
     def style(log: Sequence[Message], rng: random.Random) -> str:
-        text = between.join(event for m in log for event in _events(m))
-        parts = [part for line in text.split("\n") for part in wrap(line, width, break_on_hyphens=False)]
+        parts = [part for m in log for line in _events(m) for part in wrap(line, width, break_on_hyphens=False)]
         return "\n".join(before + part for part in parts)
 
     return style
@@ -84,10 +83,8 @@ WRITINGS: Final[dict[str, Style]] = {
     "od -An -tu1": _of_all(lambda at, row: "".join(f"{b:4d}" for b in row)),
     "Zabbix": lines_of(lambda m: f"  2311:20261121:{m.clock[:8].replace(':', '')}.{m.ms % 1000:03d} modbus: {word(m, 'sent', 'received')} {m.data.hex(' ')}"),
     "two clocks far apart": lines_of(lambda m: f"TRACE  | jvm 1    | 2026/11/21 {m.clock[:8]} | D [d.ModbusRtuDriver         ] [{m.clock.replace('.', ',')}]: {word(m, 'Tx', 'Rx')} {m.data.hex()}"),
-    "one line, mailed": _mailed(66, "", " "),
-    "one line, mailed and quoted": _mailed(72, "> ", " "),
-    "entries, mailed": _mailed(64, "", "\n"),
-    "entries, mailed and quoted": _mailed(70, "> ", "\n"),
+    "entries, mailed": _mailed(64, ""),
+    "entries, mailed and quoted": _mailed(70, "> "),
     "count in brackets": lines_of(lambda m: f"[{m.clock}] {word(m, '->', '<-')} [{len(m.data)}] {m.data.hex(' ')}"),
     "milliseconds before a mark": lines_of(lambda m: f"{m.ms + 1000} {word(m, 'TX:', 'RX:')} {m.data.hex(' ')}"),
     "milliseconds in a column": lines_of(lambda m: f"{m.ms + 1000} | {word(m, 'TX', 'RX')} | {m.data.hex(' ')}"),

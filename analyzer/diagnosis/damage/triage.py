@@ -21,7 +21,7 @@ from dissectors.registry import revision
 
 from ...tables.batch import Batch
 from ...tables.schema import GLITCHES, NO_GAP, Kind, Protocol, Row
-from ...tables.taps import may_speak_of
+from ...tables.taps import TapKind, may_speak_of, tap_kind
 from ...tables.transactions import ALIKE, shared
 from ..view import DiagnosisStep, EarlierRow, LookBack, where
 from . import FRAME, DamagedFrame, DividedFrame, Explanation, asked_by, autopsy, divided, joined
@@ -68,6 +68,7 @@ class Triage:
 
     _trail: LookBack
     _no_word: tuple[str, ...]  # the verdicts on noise that tell nothing of it
+    _quoted: bool
     _flow_at: dict[int, int]
     _open: _Open | None
     _mended: tuple[int, int, bytes] | None
@@ -76,6 +77,7 @@ class Triage:
     def __init__(self, trail: LookBack, line: LineSettings) -> None:
         self._trail = trail
         self._no_word = ("crc-error",) if may_speak_of("collision", line) else ("crc-error", "collision")
+        self._quoted = tap_kind(line) is TapKind.EXCERPT  # somebody chose these bytes, and may have left some out
         self._flow_at = {}  # port: where its first 11 or 13 came
         self._open = None  # the newest rows, where their verdict may change
         self._mended = None  # port, end, the request that flow control robbed there
@@ -185,9 +187,14 @@ class Triage:
         pending, request, requests, units = recent
         if cut := _beginning(row.captured, request, requests):
             return self._explains(pending, cut)
-        if len(row.captured) < _LEAST or not _begins(row.captured, request, units):
+        if len(row.captured) < _LEAST:
+            return None
+        begins = _begins(row.captured, request, units)
+        if not (begins or self._quoted):
             return None
         verdict = self._looked_at(row, None, request, recent)
+        if not begins and not lacks_first(verdict):
+            return None
         if verdict.code not in self._no_word and verdict.certainty >= _SURE:
             return self._explains(pending, verdict)
         like = _request_like(row.captured, requests) if request is None else row.captured[:2] == request[:2]
@@ -342,6 +349,11 @@ def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
         return False  # no frame so far: this may be no Modbus at all
     plausible = data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None
     return plausible or request is not None or len(data) > _LEAST
+
+
+def lacks_first(verdict: Explanation) -> bool:
+    """Whether a frame is whole but for its first byte."""
+    return verdict.code == "byte-missing" and verdict.places[0].first == 0
 
 
 def _nearest(verdict: Explanation) -> Explanation:

@@ -240,9 +240,9 @@ class Outcomes:
             if which:
                 spoken = self._suspects.response if rule is LATE else self._suspects.request
                 clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in spoken[which].tolist()]
-                findings = said(
-                    rule, self._suspects, np.array(which), np.array(clocked) & view.timed, tap_kind(view.line)
-                )
+                served = self._served(which)
+                timed = np.array(clocked) & view.timed
+                findings = said(rule, self._suspects, np.array(which), timed, served, tap_kind(view.line))
                 if rule is NO_RESPONSE:
                     began = [
                         self._answering.get(transactions[i].unit, self._requests) < transactions[i].number
@@ -250,6 +250,11 @@ class Outcomes:
                     ]
                     findings.numbers[:, rule.numbers.index("answered_before")] = began
                 yield findings
+
+    def _served(self, which: list[int]) -> NDArray[np.bool_]:
+        """Whether any unit had answered before these requests."""
+        served: NDArray[np.bool_] = self._numbers[which] > min(self._answering.values(), default=self._requests)
+        return served
 
     def _echoing(self, number: int) -> bool:
         """Whether nearly every request before this one came twice: that is the tap's doing."""
@@ -261,7 +266,7 @@ class Outcomes:
         """What became of a request without an answer, or of one that repeats the one before."""
         this = turn.this
         if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
-            return NO_RESPONSE if this.status == _UNANSWERED and this.t_next_ns != NEVER else None
+            return NO_RESPONSE if this.status == _UNANSWERED else None
         if this.again and this.unit == 0:
             return BROADCAST_ANSWERED if is_echoed_broadcast(turn) else None
         if this.again and this.status != _UNANSWERED:
@@ -320,8 +325,10 @@ class Outcomes:
     def _excused(self, turn: RequestInTurn) -> bool:
         """Whether something else explains that this request has no answer."""
         view, _, before, this, behind, quick = turn
-        if this.t_next_ns == NEVER or this.garbage >= _STRAY or this.request in view.explained:
+        if this.garbage >= _STRAY or this.request in view.explained:
             return True
+        if this.t_next_ns == NEVER:  # it was waited out, to the end of what was heard
+            return self._echoing(this.number) and shown_twice(before, this)
         if quick and is_hasty(this, behind):
             if behind.retry:
                 return at_once(view, this, behind)  # this one, shown again

@@ -5,7 +5,7 @@ Bytes that the UART marked are said as such, with what the autopsy of the frame 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from math import nan
 from typing import Final
@@ -19,8 +19,9 @@ from ...languages import counted, phrase
 from ...tables.batch import adu_of
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import Kind, Protocol, Row, Rows
+from ...tables.taps import TapKind, tap_kind
 from ..damage import DividedFrame, Explanation
-from ..damage.triage import VAGUE
+from ..damage.triage import VAGUE, lacks_first
 from ..view import DiagnosisStep, where
 from .outcomes import ECHO
 
@@ -44,6 +45,16 @@ def _byte_at(english: str, numbers: Mapping[str, float]) -> str:
     return phrase(english, value=f"{int(numbers['value']):02X}", places=_positions(numbers))
 
 
+def _by(number: str, words: str, words_of_zero: str) -> Callable[[Mapping[str, float]], str]:
+    """Words for a finding, and others where this number of its evidence is 0."""
+
+    def told(numbers: Mapping[str, float]) -> str:
+        checks = {name: _crc(numbers, name) for name in numbers.keys() & {"received", "computed"}}
+        return phrase(words if numbers[number] else words_of_zero, **checks)
+
+    return told
+
+
 BIT_FLIP: Final = Rule(
     "bit-flip",
     Severity.ERROR,
@@ -65,9 +76,18 @@ MISSING: Final = Rule(
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
     text=partial(_byte_at, "a byte is missing: with {value} as byte {places} the CRC matches"),
-    cause="the receiver lost a byte: its buffer ran over, or its processor was busy; or the line was disturbed",
-    remedy="find out which receiver loses it, the tap's or the device's (use a logic analyser); otherwise check the "
-    "line",
+    cause=_by(
+        "first",
+        "the receiver lost a byte: its buffer ran over, or its processor was busy; or the line was disturbed",
+        "the sender's driver was enabled too late, or the receiver too late after its own request; a text may leave "
+        "out the unit's byte",
+    ),
+    remedy=_by(
+        "first",
+        "find out which receiver loses it, the tap's or the device's (use a logic analyser); otherwise check the line",
+        "check the driver-enable timing of the sender and of the receiver; see whether the text shows the unit "
+        "elsewhere",
+    ),
 )
 EXTRA: Final = Rule(
     "byte-extra",
@@ -160,21 +180,25 @@ COLLISION: Final = Rule(
     cause="two transmitters at once: a shared address, a second client, or a device that sends unprompted",
     remedy="disconnect devices one by one; look for duplicate addresses and a second client",
 )
+_PLACEHOLDERS: Final = (0, 0xFFFF)  # in the place of a check value that a program has yet to compute
+
+
 CRC_ERROR: Final = Rule(
     "crc-error",
     Severity.ERROR,
     About.FRAME,
     when="the CRC is wrong and nothing more exact explains it",
     clause="[2] 2.5.1.2",
-    numbers=("received", "computed", "unit"),
+    numbers=("received", "computed", "unit", "placeholder"),
+    varies="placeholder",
     loses=True,
-    text=lambda numbers: phrase(
+    text=_by(
+        "placeholder",
+        "{received} stands where the CRC belongs ({computed})",
         "the CRC is wrong ({received} instead of {computed}), with no simple explanation",
-        received=_crc(numbers, "received"),
-        computed=_crc(numbers, "computed"),
     ),
-    cause=_NOISY_LINE,
-    remedy=_LINE,
+    cause=_by("placeholder", "the sender has not computed a CRC: {received} keeps its place", _NOISY_LINE),
+    remedy=_by("placeholder", "have the sender compute the CRC: {computed} ends this frame, low byte first", _LINE),
 )
 
 
@@ -274,7 +298,8 @@ class DamagedRows:
             yield from waiting
         for row, parts in view.verdicts.items():
             findings = [finding for part in parts for finding in _findings_of(view, row, part)]
-            if row == 0 and not view.trail.newest.length[0] and _begins_late(parts):
+            first = row == 0 and not view.trail.newest.length[0] and tap_kind(view.line) is not TapKind.EXCERPT
+            if first and lacks_first(parts[0].verdict):
                 continue  # the capture begins inside it
             last = row == len(rows) - 1
             cut = last and _ends_early(parts)
@@ -320,12 +345,6 @@ def _owner(view: DiagnosisStep, number: int, row: Row, verdict: Explanation | No
     return nan
 
 
-def _begins_late(parts: Sequence[DividedFrame]) -> bool:
-    """Whether a row is whole but for its first byte."""
-    verdict = parts[0].verdict
-    return verdict.code == MISSING.code and verdict.places[0].first == 0
-
-
 def _ends_early(parts: Sequence[DividedFrame]) -> bool:
     """Whether a row is whole but for its end."""
     verdict = parts[-1].verdict
@@ -354,8 +373,8 @@ def _findings_of(view: DiagnosisStep, number: int, part: DividedFrame) -> Iterat
     if rule is not None:
         yield rule.on(row, *_numbers(verdict, data), unit)
     else:
-        computed = crc16(data[:-2]) if len(data) > 2 else 0
-        yield CRC_ERROR.on(row, int.from_bytes(data[-2:], "little"), computed, unit)
+        computed, received = crc16(data[:-2]) if len(data) > 2 else 0, int.from_bytes(data[-2:], "little")
+        yield CRC_ERROR.on(row, received, computed, unit, received in _PLACEHOLDERS)
 
 
 def _with_the_frame_before(noise: Rows, length: int, view: DiagnosisStep, number: int) -> Rows:

@@ -58,6 +58,7 @@ _GLITCH_RUN: Final = 6  # bytes
 _LINE_ENDS: Final = (b"\r", b"\n", b"\r\n")
 _HARD: Final = 2.5  # characters: what stands closer belongs together
 _HEAD: Final = 2  # bytes that two stretches begin with, which by chance one pair in 65,536 does
+_BEFORE_FRAME: Final = 1  # the same of stretches right before frames
 _USUAL_CHARACTER_NS: Final = 11e9 / 9600  # where nobody said how fast the line is
 
 
@@ -83,7 +84,8 @@ def _text(numbers: Mapping[str, float]) -> str:
 
 def _told(words: Mapping[Pattern, str], numbers: Mapping[str, float], **more: str) -> str:
     """The words for the pattern of these numbers."""
-    head = int(numbers.get("head", 0)).to_bytes(_HEAD, "big").hex(" ").upper()
+    first = int(numbers.get("head", 0))
+    head = first.to_bytes((first.bit_length() + 7) // 8, "big").hex(" ").upper()
     return phrase(words[Pattern(int(numbers["pattern"]))], sender=_sender(numbers), head=head, **more)
 
 
@@ -227,6 +229,7 @@ class NoiseStretches:
 
     def _judge(self, view: DiagnosisStep, stretch: _OpenStretch, after: Rows, *, explained: bool) -> Iterator[Findings]:
         row, is_end = stretch.row, bool(after.kind[0]) or explained
+        again = self._head_again(view, stretch, before_frame=bool(after.kind[0]))
         if not (after.kind[0] or stretch.known):
             return
         if not stretch.before.length[0] and not stretch.glitch:
@@ -238,13 +241,20 @@ class NoiseStretches:
         close = [side for side in sides if side.is_frame and _hard(side.gap_ns, view)]
         if not any(side.is_damaged for side in close):
             pattern, sender = _pattern(view, stretch, close)
-            head = nan
-            if pattern is Pattern.QUOTED and row.length[0] > _HEAD:
-                begin = stretch.captured[:_HEAD]
-                if begin in self._heads:
-                    pattern, head = Pattern.ENVELOPE, int.from_bytes(begin)
-                self._heads.add(begin)
-            yield NOISE.on(row, float(pattern), row.length, sender, head)
+            if pattern is Pattern.QUOTED and again:
+                yield NOISE.on(row, float(Pattern.ENVELOPE), row.length, sender, int.from_bytes(again))
+            else:
+                yield NOISE.on(row, float(pattern), row.length, sender, nan)
+
+    def _head_again(self, view: DiagnosisStep, stretch: _OpenStretch, *, before_frame: bool) -> bytes:
+        """The first bytes of a stretch in a text, with which one before it began; nothing where none did."""
+        captured = stretch.captured
+        if tap_kind(view.line) is not TapKind.EXCERPT or len(captured) <= _HEAD or captured[0] in GLITCHES:
+            return b""
+        heads = {captured[:_HEAD], captured[: _BEFORE_FRAME if before_frame else _HEAD]}
+        again = heads & self._heads
+        self._heads |= heads
+        return max(again, default=b"")
 
 
 def _hard(gap_ns: int, view: DiagnosisStep) -> bool:

@@ -236,7 +236,13 @@ _PASSED_ON: Final = _NeverAnswers(
     "units on a serial line read RTU: they do not understand Modbus TCP that a gateway passes on as it is",
     "set the gateway to convert Modbus TCP to RTU, or the client to RTU over TCP",
 )
+_BEHIND_GATEWAY: Final = _NeverAnswers(
+    "the unit is absent or not configured in the gateway: others are answered over the same connection",
+    "check the unit's number and power, and whether the gateway has it; remove it from the poll list if it does not "
+    "exist",
+)
 _NETWORK, _SERIAL_LINE = 1.0, 2.0  # where a request of Modbus TCP was seen: number `over_tcp`
+_SERVED: Final = 3.0  # the same on a serial line where something was answered before: whatever sends it is understood
 
 
 def _why_mute(numbers: Mapping[str, float]) -> _NeverAnswers:
@@ -245,6 +251,8 @@ def _why_mute(numbers: Mapping[str, float]) -> _NeverAnswers:
             return _BY_RTU
         case number if number == _SERIAL_LINE:
             return _PASSED_ON
+        case number if number == _SERVED:
+            return _BEHIND_GATEWAY
         case _:  # [3] 4.4.2.2
             return _ITSELF if numbers["unit"] in (0, 255) else _BY_TCP
 
@@ -358,17 +366,23 @@ ECHO: Final = Rule(
 
 
 def said(
-    rule: Rule, transactions: TransactionRows, which: NDArray[np.intp], timed: NDArray[np.bool_], tap: TapKind
+    rule: Rule,
+    transactions: TransactionRows,
+    which: NDArray[np.intp],
+    timed: NDArray[np.bool_],
+    served: NDArray[np.bool_],
+    tap: TapKind,
 ) -> Findings:
-    """What a rule says of some transactions; `timed`: whether their times mean anything."""
+    """What a rule says of some transactions; `timed`: whether their times mean anything, `served`: whether anything was
+    answered before."""
     these, before = transactions[which], transactions[np.maximum(which - 1, 0)]
     columns = these.request, these.start, these.length, these.port, these.t_start_ns
     answers = (
         these.response, these.response_start, these.response_length, these.response_port, these.t_response_ns,
     )  # fmt: skip
+    waited = np.where(timed & (these.t_next_ns != NEVER), (these.t_next_ns - these.t_request_ns) / 1e6, np.nan)
     if rule is LATE:
         behind = np.where(timed, (these.t_response_ns - these.t_request_ns) / 1e6, np.nan)
-        waited = np.where(timed & (these.t_next_ns != NEVER), (these.t_next_ns - these.t_request_ns) / 1e6, np.nan)
         return rule.at(*answers, these.unit, behind, these.request, these.mistaken, waited)
     if rule is DUPLICATE:
         own = these.status == _ANSWERED  # else what reads like a request is the second answer
@@ -385,9 +399,9 @@ def said(
         later = np.where(timed, (t_ns - first) / 1e6, np.nan)
         return rule.at(index, start, length, port, t_ns, these.unit, later)
     if rule is NO_RESPONSE:
-        waited = np.where(timed, (these.t_next_ns - these.t_request_ns) / 1e6, np.nan)
         where = _SERIAL_LINE if tap in (TapKind.SERIAL, TapKind.EDGES) else _NETWORK
-        over_tcp = np.where(these.protocol == Protocol.TCP, where, np.nan)
+        told = np.where((where == _SERIAL_LINE) & served, _SERVED, where)
+        over_tcp = np.where(these.protocol == Protocol.TCP, told, np.nan)
         return rule.at(*columns, these.unit, waited, these.function, 0, over_tcp)
     if rule is RETRY:
         failed = (which > 0) & np.isin(before.status, (_UNANSWERED, _DAMAGED)) & timed
