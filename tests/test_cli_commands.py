@@ -187,29 +187,54 @@ def test_a_reader_that_has_had_enough_ends_it_quietly(tmp_path, capsys):
     process.stderr.close()
 
 
-@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
-def test_ctrl_c_keeps_what_was_done(tmp_path, capsys):
-    bus, out = tmp_path / "bus.jsonl", tmp_path / "frames.jsonl"
+def long_bus(folder, capsys):
+    """A capture that takes seconds to read."""
+    bus = folder / "bus.jsonl"
     assert ran(capsys, "simulate", bus, "--tap", "untimed", "--transactions", "300").status == 0
     lines = bus.read_text(encoding="utf-8").splitlines(keepends=True)
     with bus.open("w") as file:
         file.write(lines[0])
         for _ in range(400):
             file.writelines(lines[1:])
-    command = [sys.executable, "-c", START, "export", str(bus), "-o", str(out)]
+    return bus
+
+
+def begun_export(bus, out, least, *options):
+    """An export of which so many bytes are written already."""
+    command = [sys.executable, "-c", START, "export", str(bus), "-o", str(out), *options]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment())
     deadline = time.monotonic() + 30
     while time.monotonic() < deadline and not any(
-        part.stat().st_size > 1_000_000 for part in tmp_path.glob(".frames*")
+        part.stat().st_size >= least for part in out.parent.glob(f".{out.stem}*")
     ):
         time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
+    return process
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+@pytest.mark.parametrize("way", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_keeps_what_was_done(tmp_path, capsys, way):
+    out = tmp_path / "frames.jsonl"
+    process = begun_export(long_bus(tmp_path, capsys), out, 1_000_000)
+    process.send_signal(getattr(signal, way))
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err == b"rtuscope: stopped by Ctrl-C; partial output is kept\n"
+    assert not [*tmp_path.glob(".frames*")]
+    assert err == b"rtuscope: interrupted; partial output is kept\n"
     kept = out.read_text(encoding="utf-8").splitlines()
     assert kept
     assert kept[-1].endswith("}")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+def test_a_signal_before_anything_passes_a_filter_leaves_what_is_there(tmp_path, capsys):
+    out = tmp_path / "frames.jsonl"
+    out.write_text("precious")
+    process = begun_export(long_bus(tmp_path, capsys), out, 0, "--overwrite", "--filter", "unit == 240")
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and b"frames.jsonl: not written" in err and err.count(b"\n") == 1
+    assert [out.read_text(), *tmp_path.glob(".frames*")] == ["precious"]
     assert not list(tmp_path.glob(".frames*"))
 
 

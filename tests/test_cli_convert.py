@@ -120,6 +120,23 @@ def test_frames_by_number_cut_reads_that_hold_more(capsys: pytest.CaptureFixture
 
 
 @pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    "words", [("--start", "500s"), ("--end", "2000-01-01T00:00Z"), ("--frames", "770"), ("--around", "unit == 9")]
+)
+def test_where_nothing_is_kept_what_has_the_name_stays(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    good = Path("part.jsonl")
+    assert ran(capsys, "convert", "bus.jsonl", "-o", str(good)).status == 0
+    before = good.read_bytes()
+    run = ran(capsys, "convert", "bus.jsonl", "-o", str(good), "--overwrite", *words)
+    assert run.status == 1 and good.read_bytes() == before
+    assert "part.jsonl: not written: nothing is kept of the capture, which lasts" in run.err
+    assert ran(capsys, "convert", "bus.jsonl", "-o", "new.jsonl", *words).status == 1
+    assert not Path("new.jsonl").exists()
+
+
+@pytest.mark.usefixtures("folder")
 def test_around_what_passes(capsys: pytest.CaptureFixture[str]) -> None:
     refusal = rtu("018302")
     said = [Chunk(c.t_ns, refusal if i in (7, 15) else c.data) for i, c in enumerate(polls(10))]

@@ -211,6 +211,24 @@ def test_info_tells_what_a_capture_is(capsys: pytest.CaptureFixture[str]) -> Non
     assert f"{about['bytes']:,} bytes, {about['reads']:,} reads" in shown
 
 
+def test_plot_draws_a_float_where_the_address_is_one_of_its_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(capsys, "simulate", "meter.jsonl", "--map", "eastron-sdm630@1").status == 0
+    for address in ("30001", "30002"):
+        drawn = ran(capsys, "plot", "meter.jsonl", "unit", "1", address)
+        assert "unit 1 input 0-1, f32 ABCD, 31 readings from 22" in drawn.out
+        assert "input 0-1 is read as f32 ABCD, as its values tell" in drawn.err
+    word = ran(capsys, "plot", "meter.jsonl", "unit", "1", "30001", "--raw")
+    assert "unit 1 input 0, 31 readings from 172" in word.out and not word.err
+    named = ran(capsys, "plot", "meter.jsonl", "unit", "1", "30002", "--map", "eastron-sdm630@1")
+    assert "unit 1 Voltage L1, 31 readings from 22" in named.out and not named.err
+    pytest.importorskip("matplotlib")
+    for more, measure in ((("--map", "eastron-sdm630@1"), "V"), ((), "value"), (("--raw",), "raw value")):
+        picture = ran(capsys, "plot", "meter.jsonl", "unit", "1", "30001", "-o", "one.svg", "--overwrite", *more)
+        assert picture.status == 0 and f"<!-- {measure} -->" in Path("one.svg").read_text()
+    russian = ran(capsys, "plot", "meter.jsonl", "unit", "1", "30001", "--lang", "ru")
+    assert "показаний: 31, от 22" in russian.out and "читается как f32 ABCD" in russian.err
+
+
 def test_plot_draws_a_register_in_the_terminal_and_as_a_picture(capsys: pytest.CaptureFixture[str]) -> None:
     import json
 

@@ -49,7 +49,9 @@ def test_keys_come_from_the_terminal_where_standard_input_gave_the_capture() -> 
     )
     command = [sys.executable, "-c", "\n".join(steps)]
     where = environment(TERM="xterm")
-    subprocess.run(command, stdin=subprocess.DEVNULL, stdout=slave, start_new_session=True, check=True, env=where)
+    subprocess.run(
+        command, stdin=subprocess.DEVNULL, stdout=slave, stderr=slave, start_new_session=True, check=True, env=where
+    )
     assert os.read(master, 100).split() == [b"False", b"True"]
 
 

@@ -8,6 +8,7 @@ import pytest
 from running import ran, refused, spawned
 from terminals import Terminal, posix
 
+import captures
 from captures import samples
 
 HEALTHY = samples.path("healthy.jsonl")
@@ -86,3 +87,35 @@ def test_what_is_no_file_is_not_asked_about_and_the_capture_itself_is_never_writ
         assert "is the capture being read" in refused(capsys, *command, "./bus.jsonl", "--overwrite")
     assert spawned("export", "bus.jsonl", "-o", "-", stdin=b"y\n", cwd=folder).status == 0
     assert (folder / "bus.jsonl").read_bytes() == HEALTHY.read_bytes()
+
+
+TROUBLED = samples.path("troubled.jsonl")
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl", "parquet", "pcapng"])
+@pytest.mark.parametrize(
+    ("wanted", "said"), [("unit == 99", "nothing matches the filter"), ('finding == "noise"', "--noise writes them")]
+)
+def test_an_export_that_nothing_passes_takes_no_files_place(
+    wanted: str, said: str, form: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = folder / f"kept.{form}"
+    kept.write_text("precious")
+    done = ran(capsys, "export", TROUBLED, "--filter", wanted, "-o", kept.name, "--overwrite")
+    assert done.status == 1 and done.err.count("\n") == 1 and f"{kept.name}: not written" in done.err
+    assert said in done.err and kept.read_text() == "precious"
+    assert [file.name for file in folder.iterdir()] == [kept.name]
+    assert ran(capsys, "export", TROUBLED, "--filter", wanted, "-o", f"new.{form}").status == 1
+    assert not (folder / f"new.{form}").exists()
+
+
+def test_noise_that_passes_is_written_where_it_is_asked_for(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wanted = ("export", TROUBLED, "--filter", 'finding == "noise"')
+    assert ran(capsys, *wanted, "--noise", "-o", "noise.csv").status == 0
+    assert ran(capsys, *wanted, "--table", "findings", "-o", "findings.csv").status == 0
+    assert all(len((folder / name).read_text().splitlines()) > 1 for name in ("noise.csv", "findings.csv"))
+
+
+def test_a_counted_export_of_packets_holds_no_more(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(capsys, "export", TROUBLED, "--count", "5", "-o", "five.pcapng").status == 0
+    assert sum(len(block.data) for block in captures.open(folder / "five.pcapng").blocks(1000)) < 100

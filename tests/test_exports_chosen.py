@@ -130,6 +130,10 @@ def test_a_count_is_of_what_passes(capsys: pytest.CaptureFixture[str]) -> None:
         (("--fields", "unit", "--format", "pcapng", "-o", "x.pcapng"), "csv, jsonl and parquet"),
         (("-c", "3", "--format", "mcap", "-o", "x.mcap"), "cannot store a part"),
         (("--table", "findings", "--fields", "unit"), "choose from code, severity"),
+        (("--table", "transactions", "--format", "csv", "--noise"), "--noise works with --table frames"),
+        (("--table", "values", "--format", "csv", "--explain"), "--explain works with --table frames"),
+        (("--format", "jsonl", "--delimiter", ";"), "--delimiter works with csv"),
+        (("--table", "values", "--format", "jsonl", "--bom"), "--bom works with csv"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(
@@ -160,3 +164,20 @@ def test_live_lines_have_columns_between_tabs() -> None:
         [str(value) for value in orjson.loads(line).values()] for line in objects
     ]
     assert len(objects) == 5
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl"])
+def test_seconds_count_from_the_first_row_of_all_whatever_is_left_out(
+    form: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def seconds(*options: str) -> list[tuple[str, str]]:
+        done = ran(capsys, "export", BUS, "--format", form, "--fields", "index,seconds", *options)
+        if form == "csv":
+            return [(row[0], row[1]) for row in csv.reader(io.StringIO(done.out))][1:]
+        lines = map(orjson.loads, done.out.splitlines())
+        return [(str(line["index"]), f"{line['seconds']:.6f}") for line in lines]
+
+    every = dict(seconds())
+    some = seconds("--filter", "index in (7, 40)")
+    assert some == [(index, every[index]) for index in ("7", "40")] and float(some[0][1]) > 0
+    assert every == {index: second for index, second in seconds("--noise") if index not in ("", "None")}

@@ -124,7 +124,7 @@ def test_frames_with_their_times(capsys, exported):
 
 def test_transactions(exported):
     found = [content for _, content in messages(exported)["/transactions"]]
-    assert [plain(content)["status"] for content in found] == ["answered"] * 4 + ["exception", "unanswered"]
+    assert [plain(content)["status"] for content in found] == ["answered"] * 4 + ["exception", "unheard"]
     assert found[0].response_time_ms == pytest.approx(6, rel=0.01)
     assert [content.HasField("response") for content in found] == [True] * 5 + [False]
     assert [content.HasField("response_time_ms") for content in found] == [True] * 5 + [False]

@@ -407,3 +407,11 @@ def test_without_a_standard_output_any_language_goes_nowhere_whatever_the_code_p
         assert sys.stdout.encoding == "utf-8"
         sys.stdout.write("кадры \ud800\n")
         sys.stdout.flush()
+
+
+def test_a_byte_of_a_name_that_is_no_utf8_is_told_as_the_lake_tells_it() -> None:
+    from analyzer.fleet.sources import readable
+    from analyzer.terminal_text import terminal_text
+
+    name = b"bad\xff.jsonl".decode("utf-8", "surrogateescape")
+    assert terminal_text(name) == readable(name) == r"bad\xff.jsonl"

@@ -15,13 +15,14 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import IO, Any, Final, NoReturn, TextIO
 
+from ..failures import PartFailedWarning, is_for_users
 from ..meant import did_you_mean
 from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, DONE, INTERRUPTED, UNUSABLE, Command, UsageError, add_arguments, add_language, meanings
 from .synonyms import instead_of
-from .terminal import full_screen, tell_user
+from .terminal import endable, full_screen, tell_user
 from .twins import TWINS
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
@@ -29,7 +30,6 @@ _NO_NUMBER: Final = re.compile("invalid (int|float) value: ('.*')")  # as argpar
 _ARGUMENTS: Final = re.compile(
     "^argument [^:]+:|(?<=^the following arguments are required: ).+"
 )  # as argparse has them
-_OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
 _OWN: Final = frozenset({"-h", "--help", "--version"})  # what is said without a command
 _RUSSIAN_OF_WINDOWS: Final = 0x19  # LANG_RUSSIAN of winnt.h
 _NAMED: Final = 12  # values of an argument at most that an error lists
@@ -121,15 +121,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy would start threads for algebra that nothing here does
     _tolerant(sys.stdout)
     _tolerant(sys.stderr)
+    failed = list[object]()  # parts of an analysis
+
+    def tell_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+        failed.extend([message] if issubclass(category, PartFailedWarning) else ())
+        tell_user(" ".join(str(message).split()))
+
     with gated_streams(), warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: tell_user(" ".join(str(message).split()))
-        return _status_of(list(sys.argv[1:] if argv is None else argv))
+        warnings.showwarning = tell_warning
+        status = _status_of(list(sys.argv[1:] if argv is None else argv))
+        return UNUSABLE if failed and status == DONE else status
 
 
 def _status_of(arguments: list[str]) -> int:
     """Run a command; every trouble becomes a line and a status."""
     try:
-        status = _ended(arguments)
+        with endable():
+            status = _ended(arguments)
         sys.stdout.flush()
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -344,7 +352,7 @@ def _in_language(words: str) -> str:
 
 def _error_line(error: Exception) -> str:
     """An exception in one line: what, where, what to do."""
-    if type(error).__module__.partition(".")[0] in _OURS:
+    if is_for_users(error):
         text = str(error)
     elif isinstance(error, OSError):
         where = "standard output" if error.filename is None else error.filename

@@ -98,13 +98,15 @@ def run(arguments: argparse.Namespace) -> int:
         )
     progress.clear()
     tell_damage(arguments.capture, capture)
+    if result.nothing:
+        what = arguments.capture if arguments.output == "-" else f"{arguments.output}: not written"
+        hint = "only bytes outside frames match the filter: --noise writes them"
+        tell_user(f"{what}: {hint if result.bytes else 'nothing matches the filter'}")
+        return INTERRUPTED if result.partial else NO_FRAME
     if result.partial:
-        tell_user("stopped by Ctrl-C; partial output is kept")
+        tell_user("interrupted; partial output is kept")
         return INTERRUPTED
-    if chosen is not None and not result.bytes:
-        tell_user(f"{arguments.capture}: nothing matches the filter")
-        return NO_FRAME
-    if not result.frames and not (chosen is not None and "noise" in chosen.fields):
+    if not result.frames and chosen is None:
         tell_user(f"{arguments.capture}: no Modbus frame found in {result.bytes:,} bytes")
         return NO_FRAME
     if arguments.check and result.errors:

@@ -16,7 +16,7 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import IO, TYPE_CHECKING, BinaryIO, Final
@@ -47,7 +47,7 @@ class Stop:
 
 @contextmanager
 def interruptible() -> Iterator[Stop]:
-    """The first Ctrl-C asks the work to end at its next step; a second one ends it where it is."""
+    """The first Ctrl-C, or signal to end, asks the work to end at its next step; a second one ends it where it is."""
     stop = Stop()
 
     def handler(_number: int, _frame: FrameType | None) -> None:
@@ -55,15 +55,8 @@ def interruptible() -> Iterator[Stop]:
             raise KeyboardInterrupt
         stop.asked = True
 
-    try:
-        before = signal.signal(signal.SIGINT, handler)
-    except ValueError:  # not the main thread: Ctrl-C is another's business
+    with _heeding((signal.SIGINT, *told_to_end()), handler):
         yield stop
-        return
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def told_to_end() -> Iterator[int]:
@@ -81,9 +74,16 @@ def endable() -> Iterator[None]:
     def handler(_number: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
+    with _heeding(told_to_end(), handler):
+        yield
+
+
+@contextmanager
+def _heeding(numbers: Iterable[int], handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Signals that go to a handler; outside the main thread they are another's business."""
     before = {}
-    with suppress(ValueError):  # not the main thread
-        before = {number: signal.signal(number, handler) for number in told_to_end()}
+    with suppress(ValueError):
+        before = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
     finally:
@@ -196,8 +196,9 @@ def _obeys(stream: IO[str]) -> bool:
 
 
 def full_screen() -> bool:
-    """Whether the interface can be shown: keys come from a terminal, and it can place text."""
-    return sys.stdin.isatty() and places(sys.stdout)
+    """Whether the interface can be shown: keys come from a terminal, and text can be placed, also on standard error,
+    where it is drawn."""
+    return sys.stdin.isatty() and all(map(places, (sys.stdout, sys.stderr)))
 
 
 def coloured(stream: IO[str]) -> bool:
@@ -283,9 +284,11 @@ class ProgressLine:
 
     def at(self, share: float | None, words: str, now_s: float, columns: int) -> TerminalText:
         """How it stands at a time (s), so many columns wide at most. `share` of all, where that is known."""
+        from ..words import shortened
+
         self._now = now_s
         room = max(columns - _BAR - _SHARE_AND_TIME - len(words), _LEAST_LABEL)
-        label = self._label if len(self._label) <= room else f"{self._label[: room - 1]}…"
+        label = shortened(self._label, room)
         total, left = (None, "") if share is None else (1.0, "left")
         self._progress.update(self._task, description=label, total=total, completed=share, words=words, left=left)
         self._console.width = columns

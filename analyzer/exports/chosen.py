@@ -22,7 +22,7 @@ FRAME_COLUMNS: Final = (
     "port",
     "start",
     "length",
-    "seconds",  # from the first row to the first start bit
+    "seconds",  # from the first row of all, written or not, to the first start bit
     "t_start_ns",
     "t_end_ns",
     "protocol",
@@ -94,6 +94,10 @@ class ChosenKeys:
         self._out, self._narrow = out, FrameChoice(fields)
         self._rest = b""
 
+    def begins(self, t_ns: int) -> None:
+        """From when the seconds count."""
+        self._narrow.begins(t_ns)
+
     def write(self, data: bytes | memoryview) -> int:
         """Whole lines are written."""
         *lines, self._rest = (self._rest + bytes(data)).split(b"\n")
@@ -104,20 +108,23 @@ class ChosenKeys:
 class FrameChoice:
     """Objects of frames to some of their columns."""
 
-    _first: dict[str, int]  # the time of the first line
-
     def __init__(self, fields: Sequence[str]) -> None:
         self.names = chosen_names(fields, (*FRAME_COLUMNS, "fields"))
-        self._first = {}
+        self._zero_ns: int | None = None
+
+    def begins(self, t_ns: int) -> None:
+        """When the first row of all begins; what is told first holds, without it the first line counts."""
+        self._zero_ns = t_ns if self._zero_ns is None else self._zero_ns
 
     def of(self, line: Mapping[str, Any]) -> dict[str, Any]:
         """The chosen keys of a line."""
         begun = line["t_start_ns"]
+        self.begins(begun)
         exact = line.get("response_time_ns")
         implied = {
             "kind": "frame",
             "port": 0,
-            "seconds": (begun - self._first.setdefault("t_ns", begun)) / 1e9,
+            "seconds": (begun - (self._zero_ns or 0)) / 1e9,
             "response_time_low_ns": exact,
             "response_time_high_ns": exact,
         }

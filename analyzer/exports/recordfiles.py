@@ -10,17 +10,16 @@ import orjson
 
 from .records import Columns, RecordTable, record_arrow, record_schema, table_named
 from .rowgroups import RowGroups, arrow_imported
-from .sink import ExportError, ExportOptions, OutputStream
+from .sink import ExportError, ExportOptions, OutputStream, Sink
 from .targets.csv import safe
 
 if TYPE_CHECKING:
-    from captures import Block, Capture
+    from captures import Capture
 
     from ..core import Analysed
-    from ..tables.batch import Batch
 
 
-class RecordSink:
+class RecordSink(Sink):
     """A table being written; a subclass says how its columns go into a file, and which it has besides the table's."""
 
     MORE: ClassVar[tuple[str, ...]] = ()
@@ -30,31 +29,18 @@ class RecordSink:
         self.table = table.chosen(options.fields or (*table.kinds, *self.MORE))
         self._left = options.count
 
-    @property
-    def full(self) -> bool:
-        """Whether as many records are written as were asked for."""
-        return self._left == 0
-
-    def block(self, block: Block) -> None:
-        """Raw chunks are not in a table."""
-
-    def rows(self, batch: Batch, first: int, last: int) -> None:
-        """Records are written with their batch."""
-
     def batch(self, analysed: Analysed) -> None:
         """The records of a batch."""
         columns = self.table.columns(analysed)
         columns = {name: values[: self._left] for name, values in columns.items()}
         self._left -= len(next(iter(columns.values())))
+        self.full = self._left == 0
         if next(iter(columns.values())):
             self.write(columns)
 
     def write(self, columns: Columns) -> None:
         """Some records, at least one."""
         raise NotImplementedError
-
-    def close(self) -> None:
-        """What is left."""
 
 
 class CsvRecords(RecordSink):

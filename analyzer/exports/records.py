@@ -125,22 +125,15 @@ def _values(analysed: Analysed) -> MadeColumns:
 
 
 def _findings(analysed: Analysed) -> Columns:
-    findings = list(described(analysed.findings))
-    bus = [finding.start < 0 for finding in findings]
-    return {
-        "code": [finding.code for finding in findings],
-        "severity": [finding.severity.name.lower() for finding in findings],
-        "t_ns": [finding.t_ns for finding in findings],
-        "index": [finding.index for finding in findings],
-        "port": [finding.port for finding in findings],
-        "start": [None if of_bus else f.start for f, of_bus in zip(findings, bus, strict=True)],
-        "length": [None if of_bus else f.length for f, of_bus in zip(findings, bus, strict=True)],
-        "text": [finding.text for finding in findings],
-        "cause": [finding.cause or None for finding in findings],
-        "remedy": [finding.remedy or None for finding in findings],
-        "clause": [finding.clause or None for finding in findings],
-        "numbers": [orjson.dumps(dict(finding.numbers)).decode() for finding in findings],
-    }
+    records: list[dict[str, Any]] = [
+        {name: getattr(finding, name) for name in TABLES["findings"].kinds} for finding in described(analysed.findings)
+    ]
+    for record in records:
+        of_bus = {"start": None, "length": None} if record["start"] < 0 else {}
+        untold = {name: record[name] or None for name in ("cause", "remedy", "clause")}
+        numbers = orjson.dumps(dict(record["numbers"])).decode()
+        record |= of_bus | untold | {"severity": record["severity"].name.lower(), "numbers": numbers}
+    return {name: [record[name] for record in records] for name in TABLES["findings"].kinds}
 
 
 TABLES: Final[Mapping[str, RecordTable]] = {

@@ -6,10 +6,11 @@ Captures are cut by the numbers of frames, or around those that pass a filter.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,19 @@ from ..tables.schema import Kind
 from .sink import ExportError, ExportOptions, OutputStream, Sink, format_name, output, target
 
 if TYPE_CHECKING:
+    from ..core import Analysed
     from ..filters import Filter
     from ..tables.batch import Batch
 
 _PLAIN = ExportOptions()
+REFUSED: Final[Mapping[str, str]] = {  # what is said where a target has no use for an option
+    "fields": "--fields works with csv, jsonl and parquet: other formats store whole frames",
+    "delimiter": "--delimiter works with csv: other formats have no separator",
+    "bom": "--bom works with csv: other formats need no byte-order mark",
+    "noise": "--noise works with --table frames: other tables hold no bytes between frames",
+    "explain": "--explain works with --table frames: other tables hold no boundaries",
+}
+_OF_FRAMES: Final = frozenset({"noise", "explain"})  # options that no other table has a use for
 _ROWS = 8192  # written at once: how long Ctrl-C and progress wait
 
 
@@ -39,6 +49,7 @@ class Exported:
     bytes: int  # of the line, in frames and noise
     partial: bool  # stopped before the capture's end
     errors: int = 0  # findings of that severity, on the rows written and on the bus as a whole
+    nothing: bool = False  # the filter let nothing through, or bytes outside frames alone, which were not asked for
 
 
 def export(
@@ -48,12 +59,13 @@ def export(
     name: str | None = None,
     options: ExportOptions = _PLAIN,
     limits: Options = Options(),  # noqa: B008 - frozen
-    progress: Callable[[int, int], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    progress: Callable[[int, int], None] = lambda frames, octets: None,  # noqa: ARG005
+    stop: Callable[[], bool] = bool,
 ) -> Exported:
     """Write a capture's frames to a file (`-` is standard output), by suffix or by format `name`.
 
-    `limits` are how to deframe and diagnose; `explain` in them is that of `options`.
+    `limits` are how to deframe and diagnose; `explain` in them is that of `options`. A filter that nothing passes
+    writes no file, and leaves one that is there as it is.
 
     The capture's own file is never written over. `progress` is told (frames, bytes) now and
     then; once `stop` says True the file is completed with what came so far. Raises ExportError and FilterError.
@@ -65,12 +77,11 @@ def export(
     grave = _errors()
     most = options.count if options.table == "frames" else sys.maxsize  # records of other tables their sink counts
 
-    def stopped() -> bool:
-        return stop is not None and stop()
-
-    with output(out, source=capture.path) as written:
+    kept = suppress(_NothingPassesError)  # then what had the name stays
+    with kept, output(out, source=capture.path) as written:
         sink = open_sink(written, capture, options, name or format_name(out))
-        stream = analyse(observed(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))
+        stream = analyse(observed(capture, look=sink.block, stop=stop), replace(limits, explain=options.explain))
+        stream = _begun(stream, sink)
         if options.filter is not None:
             from ..filters.evaluation import filtered
 
@@ -79,19 +90,26 @@ def export(
             batch, last = analysed.batch, 0
             end = _end(batch, most, frames)
             errors += int(np.count_nonzero(grave[analysed.findings.rule]))
-            while last < end and not stopped():
+            while last < end and not stop():
                 first, last = last, min(last + _ROWS, end)
                 rows = batch.rows[first:last]
                 sink.rows(batch, first, last)
                 frames += int(np.count_nonzero(rows.kind != Kind.NOISE))
                 octets += int(rows.length.sum())
-                if progress is not None:
-                    progress(frames, octets)
+                progress(frames, octets)
             sink.batch(analysed.until(last))
-            if frames == most or getattr(sink, "full", False):
+            if frames == most or sink.full:
                 break
+        kept_rows = octets if options.noise or options.table != "frames" else frames
+        nothing = options.filter is not None and not kept_rows
         sink.close()
-    return Exported(frames, octets, stopped(), errors)
+        if nothing and str(out) != "-":
+            raise _NothingPassesError
+    return Exported(frames, octets, stop(), errors, nothing)
+
+
+class _NothingPassesError(Exception):
+    """No row passes the filter."""
 
 
 def open_sink(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> Sink:
@@ -103,16 +121,26 @@ def open_sink(out: OutputStream, capture: Capture, options: ExportOptions, name:
     return open_records(out, capture, options, name)
 
 
+def _begun(stream: Iterator[Analysed], sink: Sink) -> Iterator[Analysed]:
+    """The same; the sink is told when rows begin, of which a filter may leave out the first."""
+    for analysed in stream:
+        if len(analysed.batch):
+            sink.begins(int(analysed.batch.rows.t_start_ns[0]))
+        yield analysed
+
+
 def _possible(options: ExportOptions, out: str | Path, name: str | None) -> ExportOptions:
     """The options, with what follows from them. Raises ExportError where the format cannot have them."""
     module = target(out, name)
     if str(out) == "-" and sys.stdout.isatty() and getattr(module, "BINARY", False):
         raise ExportError(f"{name} is binary and cannot be shown on a terminal: name a file with -o, or pipe it")
     why = getattr(module, "WHOLE", "")
-    if why and (options.filter, options.count) != (None, sys.maxsize):
+    if why and not options.whole:
         raise ExportError(f"{out}: cannot store a part of a capture: {why}")
-    if options.fields and not getattr(module, "COLUMNAR", False):
-        raise ExportError(f"{out}: --fields works with csv, jsonl and parquet: other formats store whole frames")
+    takes = module.TAKES if options.table == "frames" else module.TAKES - _OF_FRAMES
+    for option, refusal in REFUSED.items():
+        if option not in takes and getattr(options, option) != getattr(_PLAIN, option):
+            raise ExportError(f"{out}: {refusal}")
     return replace(options, noise=options.noise or "noise" in getattr(options.filter, "fields", ()))
 
 
@@ -147,7 +175,7 @@ def around(
     wanted: Filter,
     seconds: float,
     limits: Options = Options(),  # noqa: B008 - frozen
-    stop: Callable[[], bool] | None = None,
+    stop: Callable[[], bool] = bool,
 ) -> tuple[Capture, int]:
     """The reads within so many seconds of any frame that passes, before and after it, and how many frames pass."""
     from ..filters.evaluation import filtered
@@ -156,7 +184,7 @@ def around(
     times: list[tuple[int, int]] = []
     count = 0
     for analysed in filtered(analyse(capture, limits), wanted, capture.line):
-        if stop is not None and stop():
+        if stop():
             break
         rows = analysed.batch.rows
         rows = rows[rows.kind != Kind.NOISE] if "noise" not in wanted.fields else rows

@@ -129,9 +129,22 @@ class ExportOptions:
     fields: tuple[str, ...] = ()  # columns to write, in this order; all if none is named
     count: int = sys.maxsize  # write so many frames, or records of another table, and end
 
+    @property
+    def whole(self) -> bool:
+        """Whether all of a capture is written."""
+        return (self.filter, self.count) == (None, sys.maxsize)
 
-class Sink(Protocol):
-    """A target being written. Blocks and batches come as the capture is read; a block before the batches it gave."""
+
+class Sink:
+    """A target being written. Blocks and batches come as the capture is read; a block before the batches it gave.
+
+    One says what it heeds.
+    """
+
+    full = False  # as much is written as was asked for
+
+    def begins(self, t_ns: int) -> None:
+        """Rows begin at that time; told before those of them that are written come, of the first row of all first."""
 
     def block(self, block: Block) -> None:
         """Raw chunks."""
@@ -150,8 +163,10 @@ class Target(Protocol):
     """A module of `targets`.
 
     One whose files cannot hold a part of a capture has WHOLE, which says why not; one whose files are no text has
-    BINARY, one of whose columns some can be left out COLUMNAR; both are True.
+    BINARY, which is True. TAKES names the options (of `running.REFUSED`) that it heeds.
     """
+
+    TAKES: frozenset[str]
 
     def open_sink(self, out: OutputStream, capture: Capture, options: ExportOptions) -> Sink: ...
 

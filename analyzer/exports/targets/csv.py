@@ -24,15 +24,15 @@ from ..encoding.forms import BatchBytes, Forms, Whole, kept
 from ..encoding.sheet import Cursor, Ints, Pieces, Sheet, Store, without
 from ..encoding.spoken import ClockPieces, Speech, SpokenWords, separated
 from ..encoding.summaries import summary_pieces
-from ..sink import ExportOptions, OutputStream
+from ..sink import ExportOptions, OutputStream, Sink
 
 if TYPE_CHECKING:
-    from captures import Block, Capture
+    from captures import Capture
 
     from ...core import Analysed
     from ...tables.findings import Finding
 
-COLUMNAR: Final = True
+TAKES: Final = frozenset({"noise", "explain", "fields", "delimiter", "bom"})
 EXPLAINED: Final = (
     "bits_length",
     "bits_crc",
@@ -52,7 +52,7 @@ _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
 
 
-class _CsvTable:
+class _CsvTable(Sink):
     def __init__(self, out: OutputStream, options: ExportOptions, timed: bool) -> None:
         plain = (options.delimiter, options.fields) == (",", ())
         self._out = out if plain else ChosenCells(out, options.delimiter, options.fields)
@@ -75,16 +75,16 @@ class _CsvTable:
         out.write(b"\xef\xbb\xbf" if options.bom else b"")
         self._out.write(",".join(columns).encode() + b"\n")
 
-    def block(self, block: Block) -> None:
-        """Raw chunks are not in this format."""
+    def begins(self, t_ns: int) -> None:
+        """From when the seconds count; what is told first holds."""
+        self._zero = t_ns if self._zero is None else self._zero
 
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """A line a row."""
         self._store.settle()
         if self._pdus is None or self._pdus.batch is not batch:
             self._pdus = Pdus(batch)
-        if self._zero is None:
-            self._zero = int(batch.rows.t_start_ns[first])
+        self.begins(int(batch.rows.t_start_ns[first]))
         row_numbers, rows = kept(batch, first, last, noise=self._options.noise)
         silent = rows.kind == Kind.NOISE
         frames = np.flatnonzero(~silent)

@@ -6,16 +6,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..chosen import chosen_names
 from ..rowgroups import GROUP, RowGroups, arrow_imported
-from ..sink import ExportOptions, OutputStream
+from ..sink import ExportOptions, OutputStream, Sink
 
 if TYPE_CHECKING:
-    from captures import Block, Capture
+    from captures import Capture
 
     from ...core import Analysed
-    from ...tables.batch import Batch
 
 BINARY: Final = True
-COLUMNAR: Final = True
+TAKES: Final = frozenset({"noise", "explain", "fields"})
 _GROWING: Final = ("index", "start", "t_start_ns", "t_end_ns", "request_start")  # from row to row
 _INSIDE: Final = {name: f"{name}.list.element" for name in ("values", "findings")}  # what Parquet calls their items
 _VARIED: Final = ("response_time_ns", "bytes", "values")  # of which a dictionary would help nobody
@@ -38,7 +37,7 @@ def frames_writer(out: Any, schema: Any, **settings: Any) -> Any:
     )
 
 
-class _Groups:
+class _Groups(Sink):
     def __init__(self, out: OutputStream, options: ExportOptions) -> None:
         pa = arrow_imported()
         from analyzer.exports import arrow
@@ -49,12 +48,6 @@ class _Groups:
         names = chosen_names(options.fields, self._schema.names)
         self._schema = pa.schema([self._schema.field(name) for name in names])
         self._groups = RowGroups(frames_writer(pa.PythonFile(out, mode="w"), self._schema), 2 * GROUP)
-
-    def block(self, block: Block) -> None:
-        """Raw chunks are not in this format."""
-
-    def rows(self, batch: Batch, first: int, last: int) -> None:
-        """Rows wait for the whole batch."""
 
     def batch(self, analysed: Analysed) -> None:
         """Its rows in columns, written once there are enough."""

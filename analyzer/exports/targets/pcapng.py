@@ -14,7 +14,7 @@ The format's address columns hold IP addresses alone, so unit 17 is 0.0.0.17 and
 network, by which Wireshark tells units apart. Noise has none.
 
 The raw reads are in the file as well, in blocks that other programs step over (`captures.network.blocks`): so this tool
-reads its own file as the capture that it came from. With a filter they are left out.
+reads its own file as the capture that it came from. With a filter, or a count, they are left out.
 
 Blocks are packed by arrays: all of them are whole 32-bit words, so each field is one scatter over all packets.
 """
@@ -39,7 +39,7 @@ from ...tables.schema import Kind, Protocol
 from ...usernotes import Notes, marked_rows
 from ...version import __version__
 from ..encoding import explain_json
-from ..sink import ExportOptions, OutputStream
+from ..sink import ExportOptions, OutputStream, Sink
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from ...core import Analysed
 
 BINARY: Final = True
+TAKES: Final = frozenset({"noise", "explain"})
 _CRC_ERROR: Final = 1 << 24  # flag
 _DISSECTOR, _FROM, _TO, _PORT_TYPE, _SOURCE, _DESTINATION = 12, 20, 21, 24, 25, 26  # tags; _FROM and _TO are IPv4
 _TCP: Final = 2
@@ -82,13 +83,13 @@ _FROM_AT, _TO_AT = 4, 6  # words of the tags that are the addresses
 _AFTER: Final = 4  # words behind the bytes: the flags, the end of the options, the block's size
 
 
-class _PacketWriter:
+class _PacketWriter(Sink):
     def __init__(self, out: OutputStream, capture: Capture, options: ExportOptions) -> None:
         self._out = out
         self._options = options
         self._line = capture.line
         self._interfaces: dict[int, int] = {}  # by port, in order of appearance
-        self._reads = options.filter is None
+        self._reads = options.whole
         self._notes = Notes.of_capture(capture.path)
         out.write(ng.section(capture.line, timed=capture.timed, reads=self._reads, more=_about()))
         self._interface(0)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .recording import Recording
 
 BINARY: Final = True
+TAKES: Final = frozenset({"noise", "explain"})
 WHOLE: Final = "an MCAP file holds the whole capture, raw bytes included; write jsonl or csv, or filter what is read"
 
 

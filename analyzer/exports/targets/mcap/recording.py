@@ -34,7 +34,7 @@ from ....tables.schema import BoundaryEvidence, Kind, Protocol, Rows
 from ....tables.transactions import TransactionRows
 from ....usernotes import Notes, marked_rows
 from ....version import __version__
-from ...sink import ExportOptions, OutputStream
+from ...sink import ExportOptions, OutputStream, Sink
 from . import schemas
 from .schemas import LEVELS, MappedTopics, UnitAreas
 
@@ -315,7 +315,7 @@ class Topics:
         return self._writer.register_channel(topic, ENCODING, schema)
 
 
-class Recording:
+class Recording(Sink):
     """A sink (`analyzer.exports.sink`) onto one file."""
 
     def __init__(self, out: OutputStream, capture: Capture, options: ExportOptions) -> None:
@@ -332,9 +332,6 @@ class Recording:
     def block(self, block: Block) -> None:
         """Raw chunks."""
         self._chunks.write(block)
-
-    def rows(self, batch: Batch, first: int, last: int) -> None:
-        """Rows are written with their batch, each topic by itself."""
 
     def batch(self, analysed: Analysed) -> None:
         """All topics of a batch."""
