@@ -28,7 +28,8 @@ from analyzer.tui.findings import FindingList
 from analyzer.tui.keys import BINDINGS, Help
 from analyzer.tui.openfiles import NextFile
 from analyzer.tui.registerlist import RegisterList
-from captures.recording.notes import MARK, Note
+from captures.recording.notekinds import MARK
+from captures.recording.notes import Note
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from seats import Seat, sample_in, using
-from terminals import posix
+from terminals import Terminal, posix
 
 from analyzer.core import Analysed
 from analyzer.model.source import CaptureSource
@@ -344,3 +345,34 @@ def test_a_defect_that_ends_the_interface_is_a_failure_and_tells_what_was_record
         assert ("the recording ended with it: recorded 64 bytes of the line" in terminal.shown()) == bool(record)
     if record:
         assert len(b"".join(chunk.data for chunk in captures.open(tmp_path / "bus.mcap").chunks())) == 64
+
+
+@posix
+@pytest.mark.parametrize("way", ["SIGTERM", "SIGHUP", "closed"])
+def test_who_ends_the_process_has_a_whole_recording_and_the_terminal_back(tmp_path: Path, way: str) -> None:
+    import captures
+
+    master, slave = os.openpty()
+    bus, path = os.ttyname(slave), tmp_path / "bus.mcap"
+    terminal = Terminal("sniff", bus, "-b", "9600", "-o", str(path), "--tui")
+    try:
+        terminal.until(b"REC")
+        request = bytes.fromhex("0103006b0002")
+        for _ in range(4):
+            os.write(master, request + crc_bytes(request))
+            terminal.press("")
+        if way == "closed":
+            os.close(terminal.fd)
+            _, status = os.waitpid(terminal.pid, 0)
+            assert os.waitstatus_to_exitcode(status) == 0
+        else:
+            os.kill(terminal.pid, getattr(signal, way))
+            assert terminal.status() == 0
+            assert terminal.seen.rfind(b"\x1b[?1049l") > terminal.seen.rfind(b"\x1b[?1049h")
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert [each.name for each in tmp_path.iterdir()] == ["bus.mcap"]
+    assert b"".join(bytes(block.data) for block in captures.open(path).blocks(1 << 16)) == 4 * (
+        request + crc_bytes(request)
+    )

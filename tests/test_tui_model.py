@@ -29,6 +29,7 @@ from analyzer.causes.registry import SYMPTOM_OF
 from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import search
+from analyzer.model.activity import _octets_by_bin
 from analyzer.model.bus import Bus
 from analyzer.model.narrow import AlikeNumbers, BesideNumbers, NarrowNumbers, ShortTimes
 from analyzer.model.polls import changed
@@ -691,3 +692,16 @@ def test_why_noise_is_noise_is_not_said_against_itself() -> None:
         told = {next(iter(why(bus, row))).text for row in range(bus.count)}
     assert "на 64 бита вероятнее, чем шум в других границах" in told
     assert not any(re.match(r"на \d*(?<!1)[234] бит ", each) for each in told)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.floats(-2, 12), st.floats(0, 6), st.integers(1, 256)), min_size=1, max_size=40))
+def test_bytes_are_counted_when_they_were_on_the_line(rows: list[tuple[float, float, int]]) -> None:
+    begins, takes, lengths = (np.array(column) for column in zip(*rows, strict=True))
+    shown = _octets_by_bin(lengths, begins, begins + takes, 10)
+    for number in range(10):
+        within = np.minimum(begins + takes, number + 1) - np.maximum(begins, number)
+        share = np.where(takes > 0.01, np.maximum(within, 0) / np.maximum(takes, 0.01), within >= 0)
+        assert shown[number] <= np.sum(lengths * np.minimum(share, 1)) + 2
+    inside = (begins > 0.01) & (begins + takes < 10)
+    assert shown.sum() >= lengths[inside].sum() - 2

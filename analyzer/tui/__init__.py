@@ -13,15 +13,31 @@ A `Source` (`analyzer.model.source`) is anything with `name`, `line`, `timed`, `
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterable, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from ..failures import PartFailedWarning
 
 if TYPE_CHECKING:
     from dissectors.maps.model import RegisterMap
 
     from ..model.source import ViewSource
+
+
+@contextmanager
+def _failures_at_the_end() -> Iterator[None]:
+    """What is warned of while the interface has the terminal: parts that failed are told once it is left."""
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            yield
+    finally:
+        for each in told:
+            if issubclass(each.category, PartFailedWarning):
+                warnings.showwarning(each.message, each.category, each.filename, each.lineno)
 
 
 def run(
@@ -48,6 +64,7 @@ def run(
         app.desk.zone = zone
         if charts is not None:
             app.desk.charts = charts
-        shown(app)
+        with _failures_at_the_end():
+            shown(app)
     finally:
         gc.enable()

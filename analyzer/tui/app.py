@@ -27,6 +27,7 @@ from textual.widgets import Input, TextArea
 
 from dissectors.values import harmless
 
+from ..failures import Failures
 from ..languages import error_words, tr
 from ..model.bus import Bus
 from ..model.scope import Scope
@@ -40,7 +41,7 @@ from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .prompts import Choose
 from .screen import BusScreen
-from .viewer import ending_with_its_server, heed_lost_terminal, reading_any_byte
+from .viewer import ending_with_its_server, heed_lost_terminal, heed_signals, reading_any_byte
 from .wire import ThinWire
 
 if TYPE_CHECKING:
@@ -182,6 +183,7 @@ class Rtuscope(App[None]):
             self.use_16_colours()
         if not (self.is_headless or self.is_web):
             heed_lost_terminal(self)
+            heed_signals(self)
         self._tell_trouble()
 
     def exit(self, *result: Any, **more: Any) -> None:
@@ -268,8 +270,8 @@ class Rtuscope(App[None]):
         notes, self._trouble = (old.notes, "") if source.path == old.source.path else _notes_of(source)
         if self.is_web:
             notes.path = None
-        self.desk = replace(old, source=source, bus=Bus.of(source), notes=notes, scope=Scope(), narrowed=None)
-        self.desk.paused, self.desk.losses = False, 0
+        self.desk = replace(old, source=source, bus=Bus.of(source), notes=notes, scope=Scope(), narrowed=None, ended="")
+        self.desk.paused, self.desk.losses, self.desk.failures = False, 0, Failures()
         self.desk.rules = list(rules_of(self.desk))
         self._end_jobs()
         before, self._sources = self.current_mode, self._sources + 1

@@ -26,6 +26,7 @@ from dissectors.values import harmless
 
 from ..languages import counted, grouped, tr
 from ..tables.findings import Severity
+from ..words import shortened
 from .filterbar import FilterBar
 from .frames import FrameList
 from .messages import ViewWanted
@@ -201,6 +202,12 @@ class StatusLine(Painted):
         left.append(StyledText(" " if slim else f"{self._speed()}  ", "dim"))
         if self.state[0]:
             left.append(StyledText(f"{self.state[0]}  ", self.state[1]))
+        if failed := self.desk.failed:
+            named = ", ".join(dict.fromkeys(each.part for each in failed))
+            left.append(StyledText(f"{tr('FAILED {parts}', parts=shortened(named, width // 4))}  ", "error"))
+        if self.desk.ended:
+            words = tr("reading ended: {trouble}", trouble=shortened(self.desk.ended, width // 3))
+            left.append(StyledText(f"{harmless(words)}  ", "error"))
         if self.desk.paused:
             left.append(StyledText(f"{tr('PAUSED, P resumes')}  ", "warning"))
         if doing := self.doing or self._listening():

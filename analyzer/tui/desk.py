@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 import captures
 
+from ..failures import FailedPart, Failures, failed_words
 from ..filters import check
-from ..languages import error_words, tr
+from ..languages import error_words, retold, tr
 from ..model.bus import Bus
 from ..model.meanings import Meanings
 from ..model.scope import Scope, ScopedFigures
@@ -167,6 +168,8 @@ class ViewState:
     wishes: Preferences = field(default_factory=Preferences)
     rules: list[tuple[Test, str]] = field(default_factory=list)  # colours of rows
     paused: bool = False  # what comes is read, but not shown
+    failures: Failures = field(default_factory=Failures)  # of what threads work out for views
+    ended: str = ""  # why reading ended before the source did
     losses: int = 0  # things that the source told to be lost or broken
     zone: tzinfo = UTC  # of times of day
     charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = _no_charts  # the maps of units
@@ -196,6 +199,15 @@ class ViewState:
         """Mean answer times of a unit (ns) over the capture, NaN where there are none; empty if the tap's clock tells
         none."""
         return np.zeros(0) if self.bus.off_ns is None else self.figures.units.means(unit)
+
+    @property
+    def failed(self) -> tuple[FailedPart, ...]:
+        """Parts that failed: of the analysis, and of what views show."""
+        return (*self.bus.failed, *self.failures.parts)
+
+    def failed_words(self) -> str:
+        """What failed, in one line; empty where nothing did."""
+        return retold(failed_words(self.failed)) if self.failed else ""
 
     @property
     def is_emptied(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
@@ -156,40 +156,52 @@ class HomeList(Lines):
         return fitted([StyledText(f"{tr('trouble'):>{_LABEL - 1}} "), StyledText(marks, "error")], width)
 
     def _verdict(self) -> list[StyledText]:
-        bus, state = self.desk.bus, self.state
+        words, kind = next(self._verdicts())
+        totals = [StyledText(f"   {self._totals()}", "dim")] * (kind != "dim")  # where nothing is shown, none
+        return [StyledText(f"  {words}", kind), *totals]
+
+    def _verdicts(self) -> Iterator[tuple[str, str]]:
+        """What the first line may say, in words and as what it is shown: the first that holds is said."""
+        desk, bus, state = self.desk, self.desk.bus, self.state
+        failed = desk.failed_words()
+        failure = f"{failed[:1].upper()}{failed[1:]}", "error"
+        if desk.is_foreign:
+            yield tr("no Modbus frames found"), ""
+        if state is None and failed:
+            yield failure
+        if state is None or not bus.frames:
+            yield tr("reading …"), ""
+            return
+        if desk.is_emptied:
+            yield desk.emptied(), "dim"
+        if state.causes:
+            things = counted(len(state.causes), "cause explains", "causes explain")
+            yield tr("{things} what is wrong", things=things), "error"
+        if desk.scope.narrows:
+            yield tr("No cause affects what is shown"), ""
+        if _is_away(bus):
+            yield _deaf_words(bus), "error"
+        if state.not_explained:
+            yield tr("Not explained: {words}", words=left_words(state.not_explained[0])), "warning"
+        if failed:  # what it would have told is not known
+            yield failure
+        if any(count for level, count in bus.found.by_severity.items() if level > 1):
+            yield tr("Isolated problems without a cause"), "warning"
+        if bus.deaf:
+            yield _deaf_words(bus), "warning"
+        yield tr("No problems found") if bus.whole else tr("No problems so far"), "good"
+
+    def _totals(self) -> str:
+        """How many frames and findings there are, and in what time."""
+        bus = self.desk.bus
         span = tr(" in {time}", time=duration(bus.t_last - bus.t_first)) if bus.timed and bus.count else ""
         frames, findings = counted(bus.frames, "frame", "frames"), counted(bus.found.count, "finding", "findings")
-        totals = StyledText(f"   {frames}{span}, {findings}", "dim")
-        if not self.settled and bus.count and not self.desk.scope.narrows:
-            totals = StyledText(
-                tr("   so far {frames}{span}, {findings}", frames=frames, span=span, findings=findings), "dim"
-            )
         if self.desk.scope.narrows:
             shown = tr("{some:,} of {frames}", some=self.desk.figures.frames, frames=frames)
-            totals = StyledText(f"   {shown}{span}", "dim")
-        if self.desk.is_foreign:
-            return [StyledText(f"  {tr('no Modbus frames found')}"), totals]
-        if state is None or not bus.frames:
-            return [StyledText(f"  {tr('reading …')}"), totals]
-        if self.desk.is_emptied:
-            return [StyledText(f"  {self.desk.emptied()}", "dim")]
-        wrong = len(state.causes)
-        if wrong:
-            verdict = tr("{things} what is wrong", things=counted(wrong, "cause explains", "causes explain"))
-            return [StyledText(f"  {verdict}", "error"), totals]
-        if self.desk.scope.narrows:
-            return [StyledText(f"  {tr('No cause affects what is shown')}"), totals]
-        if _is_away(bus):
-            return [StyledText(f"  {_deaf_words(bus)}", "error"), totals]
-        if state.not_explained:
-            words = tr("Not explained: {words}", words=left_words(state.not_explained[0]))
-            return [StyledText(f"  {words}", "warning"), totals]
-        grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
-        if grave:
-            return [StyledText(f"  {tr('Isolated problems without a cause')}", "warning"), totals]
-        if bus.deaf:
-            return [StyledText(f"  {_deaf_words(bus)}", "warning"), totals]
-        return [StyledText(f"  {tr('No problems found') if bus.whole else tr('No problems so far')}", "good"), totals]
+            return f"{shown}{span}"
+        if not self.settled and bus.count:
+            return tr("so far {frames}{span}, {findings}", frames=frames, span=span, findings=findings)
+        return f"{frames}{span}, {findings}"
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.state is not None
@@ -304,7 +316,7 @@ def _reckon(screen: BusScreen) -> None:
             screen.action_view(VIEW.name)
         screen.undecided = not bus.whole and not state.causes
 
-    screen.jobs.reckon("home", basis, work, came, fills=VIEW.name)
+    screen.jobs.reckon("home", basis, work, came, fills=VIEW.name, failed=home.grown)
 
 
 def come_up_first(screen: BusScreen) -> None:

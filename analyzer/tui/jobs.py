@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from textual.worker import get_current_worker
 
+from ..failures import is_defect
 from ..languages import error_words, tr
 from ..model.scope import Scope, ScopedFigures
 from ..model.selection import Everything, ListRows, Selection
@@ -75,6 +76,7 @@ class Jobs(ScreenThreads):
         """The source into the model."""
         worker = get_current_worker()
         shown_at, came, trouble = 0.0, False, ""
+        failure: Exception | None = None
         try:
             for analysed in self._source.steps(lambda: worker.is_cancelled):
                 if worker.is_cancelled:
@@ -88,13 +90,17 @@ class Jobs(ScreenThreads):
                     self._once("rows", self._rows_came)
                     if self._bus.count and not self._source.live:
                         self._standing.wait(_FIRST_S)  # the two would take time from each other
-        except Exception as error:  # told in one line; what was read stays
+        except Exception as error:  # what was read stays
             trouble = error_words(error)
+            if is_defect(error):
+                failure = error
         try:
             self._bus.close()
             give_memory_back()
         finally:
             self._later(self._loaded, trouble)
+        if failure is not None:
+            self._screen.desk.failures.add("reading", failure)
 
     def _rows_came(self) -> None:
         self._pending.discard("rows")
@@ -188,6 +194,7 @@ class Jobs(ScreenThreads):
         self._screen.files.read(self._source)
         self._screen.files.resume()
         if trouble:
+            self._screen.desk.ended = trouble
             self._screen.notify_of(tr("reading ended: {trouble}", trouble=trouble), wrong=True)
         self._tell_notices()
         told = self._screen.undecided or self._screen.view in ("home", "paste")
@@ -305,17 +312,25 @@ class Jobs(ScreenThreads):
         self.doing = "" if self._bus.whole else self.doing
         self._screen.refresh_view()
 
-    def count_report(self, view: str, then: Callable[[Report], None], *, story: bool = False) -> None:
+    def count_report(
+        self,
+        view: str,
+        then: Callable[[Report], None],
+        *,
+        story: bool = False,
+        failed: Callable[[], object],
+    ) -> None:
         """Newer figures for a view, not too often; `story`: with the causes."""
         figures, bus = self._screen.desk.figures, self._bus
         basis = id(figures), bus.whole, bus.count, bus.found.count
         self.reckon(
-            f"report for {view}",
+            view,
             basis,
             lambda _: figures.report(self._source, story=story),
             then,
             pause_s=_REPORT_S,
             fills=view,
+            failed=failed,
         )
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _CACHED: Final = 512  # painted lines
 _TICK_S: Final = 1 / 60  # between two pictures
+_EMPTY: Final = 2  # lines that say why there are none
 _FRESH_S: Final = 0.5  # lines in sight are painted anew so often while others come
 
 
@@ -153,8 +154,8 @@ class Lines(Painted, ScrollView, can_focus=True):
         """`quietly`: no line in sight looks otherwise."""
         self._shown_count = count
         size = Size(max(1, self.scrollable_content_region.width), count + self.HEAD)
-        if self.styles.auto_dimensions:
-            self.virtual_size = size
+        if self.styles.auto_dimensions:  # as high as its lines, or as the words that stand for them
+            self.virtual_size = size if count else Size(size.width, _EMPTY + self.HEAD)
         elif size != self.virtual_size:  # as wide and high as before: no other widget has to be laid out or painted
             self.set_reactive(Widget.virtual_size, size)
             self._scroll_update(size)

@@ -17,7 +17,7 @@ from ..live.session import Session
 from ..live.status import LineStatus, recording_words
 from ..model.source import Grave
 from ..outages import Deaf, deaf_times
-from ..words import percent
+from ..words import percent, shortened
 
 if TYPE_CHECKING:
     from dissectors.maps.files import UnitMaps
@@ -147,7 +147,7 @@ class LiveSource:
         if self._missed:
             words.append((tr("{bytes} not analysed", bytes=counted(self._missed, "byte", "bytes")), "error"))
         if (trigger := self.trigger) is not None:
-            text = trigger.text if len(trigger.text) <= _TRIGGER else trigger.text[: _TRIGGER - 1] + "…"
+            text = shortened(trigger.text, _TRIGGER)
             told = tr("trigger {words}: {count}", words=text, count=trigger.count)
             words.append((told, "warning" if trigger.count else "dim"))
         load = self._status.load

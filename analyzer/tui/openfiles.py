@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from captures import CaptureError
-from captures.recording.notes import MARK
+from captures.recording.notekinds import MARK
 
 from ..languages import error_words, tr
 from ..outages import notes_of

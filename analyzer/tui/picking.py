@@ -94,6 +94,7 @@ def write(
 
     capture = Capture.of(source.line, (), timed=source.timed)
     sink = open_sink(stream, capture, options, format_name(name))
+    sink.begins(bus.t_first)
     first = 0
     while first < len(rows) and not stop():
         last = int(np.searchsorted(rows, (rows[first] // PIECE + 1) * PIECE))

@@ -14,7 +14,7 @@ from dissectors.values import AREAS, harmless, logical
 from ..languages import error_words, tr
 from ..model.meanings import BIT_AREAS, CHOICES, Meaning
 from ..model.registers import AREA_WORDS
-from ..words import short
+from ..words import short, shortened
 from .keyqueue import put_question
 from .lines import Lines
 from .paint import StyledText, fitted
@@ -132,8 +132,8 @@ class RegisterList(Lines):
         assert register is not None
         bit = register.area < BIT_AREAS
         members = self._members(register, meaning)
-        name, room = self._called(spot), _name_width(width, self._longest)
-        name = name if len(name) <= room else name[: room - 1] + "…"
+        room = _name_width(width, self._longest)
+        name = shortened(self._called(spot), room)
         parts = [
             StyledText("•" if spot in self.pins else " ", "accent"),
             StyledText(f"{register.unit:>5} "),

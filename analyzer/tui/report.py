@@ -44,6 +44,11 @@ class ReportPage(VerticalScroll):
     def compose(self) -> ComposeResult:
         yield Static(f"  {tr('reading …')}", id="page", markup=False)
 
+    def show_failed(self) -> None:
+        """There is none, because that failed."""
+        if self.report is None:
+            self.query_one("#page", Static).update(Text(f"  {self.desk.failed_words()}"))
+
     def show_report(self, report: Report) -> None:
         """A newer one."""
         self.report = replace(report, bookmarks=tuple(_bookmarks(self.desk)))
@@ -108,7 +113,8 @@ def _page(bus: Bus, report: Report, path: Path, stop: Stop) -> bytes:
 
 
 def _refresh(screen: BusScreen) -> None:
-    screen.jobs.count_report(VIEW.name, screen.query_one(ReportPage).show_report, story=True)
+    page = screen.query_one(ReportPage)
+    screen.jobs.count_report(VIEW.name, page.show_report, story=True, failed=page.show_failed)
 
 
 def _shown(screen: BusScreen) -> None:

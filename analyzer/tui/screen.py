@@ -18,7 +18,8 @@ from textual.widgets import ContentSwitcher
 
 from dissectors.values import harmless
 
-from ..languages import tr
+from ..failures import FailedPart, failed_words
+from ..languages import retold, tr
 from .bars import KeyLine, Panes, StatusLine, Tabs, fitting
 from .details import DetailPane
 from .filterbar import FilterBar, KeptFilters
@@ -84,6 +85,7 @@ class BusScreen(Screen[None]):
         self.triggers = Triggers(self)
         self.panes = Panes(self)
         self.shown_columns = ShownColumns(self)
+        self._failed: set[FailedPart] = set()  # that were told
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
@@ -164,6 +166,14 @@ class BusScreen(Screen[None]):
     def write_status(self) -> None:
         """The status line, as things are."""
         self.query_one(StatusLine).take_state_of(self)
+        self.tell_failed()
+
+    def tell_failed(self) -> None:
+        """What failed since this was told last; the status line has it from then on."""
+        if new := [part for part in self.desk.failed if part not in self._failed]:
+            self._failed.update(new)
+            self.notify_of(retold(failed_words(new)), wrong=True)
+            self.write_status()
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""

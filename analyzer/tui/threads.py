@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from textual.worker import get_current_worker
 
-from ..languages import error_words, in_use, tr, use_language
+from ..languages import in_use, use_language
 
 if TYPE_CHECKING:
     from .screen import BusScreen
@@ -92,22 +92,28 @@ class ScreenThreads:
     ) -> None:
         """Work in a thread, and what to do with what it gives; an `exclusive` one takes the place of its group's last.
 
-        `work` is given a function that says when its outcome is not wanted any more. An error in it is told, and then
-        `failed` is called. Whoever was replaced or dropped says nothing more, even where its outcome was on its way.
+        `work` is given a function that says when its outcome is not wanted any more. An error in it stays told
+        (`ViewState.failures`), and `failed` is called. Whoever was replaced or dropped says nothing more, even where
+        its outcome was on its way.
         """
         ticket = object()
         if exclusive:
             self._wanted[group] = ticket
 
-        def unless_replaced(what: Callable[[], object]) -> None:
+        def unless_replaced(what: Callable[..., object], *arguments: Any) -> None:
             if not exclusive or self._wanted.get(group) is ticket:
-                what()
+                what(*arguments)
+
+        def shown(outcome: T) -> None:
+            with self._screen.desk.failures.contained(group):
+                then(outcome)
+            self._screen.tell_failed()
 
         def thread() -> None:
             worker = get_current_worker()
             outcome = work(lambda: worker.is_cancelled)
             if not worker.is_cancelled:
-                self._later(unless_replaced, lambda: then(outcome))
+                self._later(unless_replaced, shown, outcome)
 
         self._start(group, thread, exclusive=exclusive, failed=lambda: unless_replaced(failed))
 
@@ -120,6 +126,7 @@ class ScreenThreads:
         *,
         pause_s: float = 0.0,
         fills: str = "",
+        failed: Callable[[], object] = _nothing,
     ) -> None:
         """The same of figures that grow with the capture: where `basis` is another one, and of rows that still come
         only after a pause of many times what the last reckoning took of the processor.
@@ -141,6 +148,10 @@ class ScreenThreads:
             filled()
             then(outcome)
 
+        def came_not() -> None:
+            filled()
+            failed()
+
         def timed(stop: Stop) -> T:
             begun = time.thread_time()
             try:
@@ -149,7 +160,7 @@ class ScreenThreads:
                 took = time.thread_time() - begun
                 pace.next_at, pace.running = time.monotonic() + max(pause_s or _AGAIN_S, _SPARE * took), False
 
-        self.run(name, timed, came, failed=filled)
+        self.run(name, timed, came, failed=came_not)
 
     def drop(self, group: str) -> None:
         """Nobody wants the outcome of a group's work any more."""
@@ -164,7 +175,7 @@ class ScreenThreads:
         exclusive: bool = False,
         failed: Callable[[], object] = _nothing,
     ) -> None:
-        """Begin a thread in the language in use; an error in it is told, and then `failed` is called."""
+        """Begin a thread in the language in use; an error in it stays told, and `failed` is called."""
         language = in_use()
 
         def told() -> None:
@@ -172,9 +183,10 @@ class ScreenThreads:
             try:
                 thread()
             except Exception as error:
-                words = tr("this view failed: {trouble}", trouble=error_words(error))
-                self._later(self._screen.notify_of, words, wrong=True)
-                self._later(failed)
-                raise
+                try:
+                    self._screen.desk.failures.add(group, error)
+                finally:
+                    self._later(failed)
+                    self._later(self._screen.write_status)
 
         self._screen.run_worker(told, thread=True, group=group, exclusive=exclusive, exit_on_error=False)

@@ -14,7 +14,7 @@ from textual.strip import Strip
 
 from ..languages import counted, tr
 from ..model.activity import time_marks
-from ..words import is_clock, percent, short, unit_word
+from ..words import is_clock, percent, short, shortened, unit_word
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted, in_runs
 from .plot import EIGHTHS
@@ -236,7 +236,7 @@ class Timeline(Painted, can_focus=True):
     def _band(self, band: Band, y: int, tall: int) -> list[StyledText]:
         """How much there was in each column; `!` where something of it was wrong, as all of a cause's is."""
         wrong = "error" if band.cause is None else self.causes[band.cause].severity
-        name = band.name if len(band.name) < _LABEL else band.name[: _LABEL - 2] + "…"
+        name = shortened(band.name, _LABEL - 1)
         most, under = max(1, int(band.counts.max(initial=0))), tall - 1 - y
         texts, kinds = [], []
         for i, (count, trouble) in enumerate(zip(band.counts.tolist(), band.troubles.tolist(), strict=True)):

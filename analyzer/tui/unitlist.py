@@ -58,10 +58,9 @@ class AnswerTimes(Painted):
             return self.strip(fitted(parts, width), width, self.base)
         if not times or rows < 2:
             return self.strip([StyledText(tr(" no answer") if y == 1 else "", "dim")], width, self.base)
-        least = low if orders else 0.0
-        label = self._written(high) if y == 1 else self._written(least) if y == rows else ""
+        label = self._written(high) if y == 1 else self._written(low) if y == rows else ""
         levels = _in_orders if orders else _in_proportion
-        bars = self._bars(y - 1, rows, max(1, width - 12), levels(least, high, 8 * rows))
+        bars = self._bars(y - 1, rows, max(1, width - 12), levels(low, high, 8 * rows))
         return self.strip([StyledText(f"{label:>11} ", "dim"), StyledText(bars, "response")], width, self.base)
 
     def _bars(self, y: int, rows: int, width: int, level: Callable[[float], int]) -> str:
@@ -117,7 +116,7 @@ class UnitList(Lines):
 
     @property
     def empty(self) -> str:
-        return self.desk.emptied(self.EMPTY)
+        return self.desk.failed_words() or self.desk.emptied(self.EMPTY)
 
     @property
     def unit(self) -> int | None:
@@ -193,7 +192,8 @@ def _widget(desk: ViewState) -> Widget:
 
 
 def _refresh(screen: BusScreen) -> None:
-    screen.jobs.count_report(VIEW.name, screen.query_one(UnitList).use_report)
+    listing = screen.query_one(UnitList)
+    screen.jobs.count_report(VIEW.name, listing.use_report, failed=listing.grown)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:

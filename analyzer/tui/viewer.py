@@ -2,15 +2,17 @@
 
 Textual's driver for browsers stops reading where its input ends, as it does when the server is killed, and the
 application would wait for keys for ever: it ends with that server. That for terminals reads nothing again and again.
-Who closes a terminal ends the interface by a signal; where that is ignored (`nohup`) it goes on without keys, and so
-does what it records. A byte that is no UTF-8, pasted or typed in another encoding, ends the thread that reads keys, and
-with it the application: it is read as U+FFFD here.
+Who closes a terminal ends the interface by a signal, as whoever ends its process does; where that is ignored (`nohup`)
+it goes on without keys, and so does what it records. A byte that is no UTF-8, pasted or typed in another encoding, ends
+the thread that reads keys, and with it the application: it is read as U+FFFD here.
 """
 
 from __future__ import annotations
 
+import asyncio
 import os
 import select
+import signal
 import sys
 from codecs import IncrementalDecoder, getincrementaldecoder
 from collections.abc import Callable
@@ -73,6 +75,17 @@ def heed_lost_terminal(app: App[Any]) -> None:
             timer.stop()
 
     timer: Timer = app.set_interval(_LOOK_S, look)
+
+
+def heed_signals(app: App[Any]) -> None:
+    """From here on, end as by `q` but unasked where somebody ends the process: the terminal is as it was, and a
+    recording is whole. A signal that is ignored (`nohup`) stays so."""
+    if sys.platform == "win32":
+        return
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            loop.add_signal_handler(number, app.exit)
 
 
 def ending_with_its_server(driver: type[Driver]) -> type[Driver]:
