@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 
 from captures.chunks import Block, Capture
 from captures.line import LineSettings
+from captures.recording.notekinds import CLOSED
 
 from .deframing.clockskew import ClockSkew
 from .deframing.protocols import Deframer
 from .diagnosis.judge import Judge
+from .failures import FailedPart
 from .options import Options
-from .outages import Deaf, Deafness, deaf_times, notes_of
+from .outages import Deaf, Deafness, deaf_times, listened_until, notes_of
 from .tables.batch import Batch, join_batches, rows_of_findings
 from .tables.findings import NOTHING, Findings
 from .tables.origin import StreamOrigin
-from .tables.transactions import TransactionRows
+from .tables.transactions import NEVER, TransactionRows
 
 if TYPE_CHECKING:
     from captures.recording.notes import Note
@@ -41,13 +43,14 @@ class Analysed:
     Of an `Analyzer`'s results the transactions are those that the batch's requests began, and the findings those on its
     rows and, in the last one, those about the bus as a whole. Of its `latest` both may speak of rows before.
     `batch.findings` are those of `findings` that stand on its rows. `skew` is what is known at the end of the clocks of
-    two taps, in the last one.
+    two taps, in the last one. `failed`: looks that failed so far, in `latest` and in the last one.
     """
 
     batch: Batch
     transactions: TransactionRows
     findings: Findings
     skew: ClockSkew | None = None
+    failed: tuple[FailedPart, ...] = ()
 
     @property
     def off_ns(self) -> float:
@@ -122,12 +125,13 @@ class Analyzer:
         """What the newest call made certain: rows, and what is said of these or of earlier ones."""
         batch, transactions, findings = self._latest.batch, self._latest.transactions, self._latest.findings
         mine = findings[rows_of_findings(batch.rows, findings) >= 0] if len(findings) else NOTHING
-        return Analysed(batch.said(mine), transactions, findings)
+        return Analysed(batch.said(mine), transactions, findings, failed=self._judge.failed)
 
     def feed(self, block: Block, now_ns: int | None = None) -> list[Analysed]:
         """Take captured bytes. `now_ns`: with a `tick` behind them."""
         self._count(block.octets_by_port())
-        self._now = int(block.t_ns[-1]) if now_ns is None else now_ns
+        if now_ns is not None or len(block.t_ns):
+            self._now = int(block.t_ns[-1]) if now_ns is None else now_ns
         return self._advance(self._deframer.feed(block, now_ns))
 
     def tick(self, now_ns: int) -> list[Analysed]:
@@ -158,11 +162,13 @@ class Analyzer:
         """Rows that are certain and of which more may be said."""
         return self._unsettled.rows()
 
-    def close(self) -> list[Analysed]:
-        """No more comes: the rest, and what concerns the bus as a whole."""
+    def close(self, heard_ns: int = NEVER) -> list[Analysed]:
+        """No more comes, and the line was listened to until `heard_ns`, or to its last byte: the rest, and what
+        concerns the bus as a whole."""
+        self._now = max(self._now, heard_ns)
         settled = self._advance(self._deframer.close())
         batch = self._latest.batch
-        transactions, findings = self._judge.close()
+        transactions, findings = self._judge.close(self._now)
         transactions, findings = self._origin.transactions(transactions), self._origin.findings(findings)
         self._latest = Analysed(
             batch,
@@ -173,7 +179,8 @@ class Analyzer:
             return []
         self._unsettled.add_said(transactions, findings)
         last = settled + list(self._unsettled.rest(batch.off_ns))
-        return [*last[:-1], replace(last[-1], skew=self._deframer.skew)] if last else last
+        failed = self._judge.failed
+        return [*last[:-1], replace(last[-1], skew=self._deframer.skew, failed=failed)] if last else last
 
     def _count(self, octets_by_port: Mapping[int, int]) -> None:
         for port, octets in octets_by_port.items():
@@ -260,10 +267,11 @@ def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed
 
     Memory stays flat whatever the capture's size.
     """
-    analyzer = Analyzer(capture.line, options, deaf_times(notes_of(capture)))
+    notes = notes_of(capture)
+    analyzer = Analyzer(capture.line, options, deaf_times(notes))
     for block in _evenly(capture.blocks(_BLOCK), _BLOCK):
         yield from analyzer.feed(block)
-    yield from analyzer.close()
+    yield from analyzer.close(listened_until(notes))
 
 
 def as_it_comes(
@@ -281,7 +289,7 @@ def as_it_comes(
     for block in _evenly(capture.blocks(_BLOCK), first):
         analyzer.feed(block)
         yield analyzer.latest
-    analyzer.close()
+    analyzer.close(listened_until(notes_of(capture)))
     yield analyzer.latest
 
 
@@ -322,7 +330,8 @@ class _ObservedSource:
         return self.capture.timed
 
     def notes(self) -> list[Note]:
-        return self.capture.notes()
+        left = CLOSED if self.stop is not None and self.stop() else ""  # then no silence was heard out
+        return [note for note in self.capture.notes() if note.kind != left]
 
     def blocks(self, max_bytes: int, note: Callable[[str, str], None]) -> Iterator[Block]:  # noqa: ARG002
         for block in self.capture.blocks(max_bytes):

@@ -1,8 +1,8 @@
 """What a recording says besides bytes, and when it heard nothing.
 
-While an adapter is unplugged or a disk is full, answers are missing from the record, not from the bus. So a request
-whose answer may have fallen into such a time is neither answered nor unanswered but not heard, and no unit is blamed
-for it, nor for a frame that was cut off when such a time began.
+While an adapter is unplugged or a disk is full, answers are missing from the record, not from the bus; so are those
+that were due when the capture ended. So a request whose answer may have fallen into such a time is neither answered nor
+unanswered but not heard, and no unit is blamed for it, nor for a frame that was cut off when such a time began.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from captures.recording.notekinds import CLOSED
 from dissectors.values import harmless
 
 from .languages import page_words, retold
@@ -85,6 +86,11 @@ def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
     return deafness.times
 
 
+def listened_until(notes: Iterable[Note]) -> int:
+    """When listening ended, ns, as a recording that was closed notes it; NEVER elsewhere."""
+    return max((note.t_ns for note in notes if note.kind == CLOSED), default=NEVER)
+
+
 def with_unheard(settled: TransactionRows, times: Sequence[Deaf], *, last: bool = False) -> TransactionRows:
     """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was received.
 
@@ -97,6 +103,16 @@ def with_unheard(settled: TransactionRows, times: Sequence[Deaf], *, last: bool 
     end = np.where(end == NEVER, asked + _WAIT_NS * last, np.minimum(end, asked + _WAIT_NS))
     settled.status[silent[_meets(asked, end, times)]] = Status.UNHEARD
     return settled
+
+
+def with_cut_off(last: TransactionRows, end_ns: int, patience_ns: int, cut: int) -> TransactionRows:
+    """The transactions that the end of a capture settles, with those UNHEARD whose answer was still due: nothing was
+    asked behind them, and the client waits for `patience_ns`. `end_ns`: when the capture was heard last; `cut`: the
+    index of a frame that its end cut off, -1 for none."""
+    is_due = (last.status == Status.UNANSWERED) & (end_ns < last.t_request_ns + patience_ns)
+    is_cut = (last.status == Status.DAMAGED) & (last.response == cut)
+    last.status[(is_due | is_cut) & (last.t_next_ns == NEVER)] = Status.UNHEARD
+    return last
 
 
 def excusable(findings: Findings) -> NDArray[np.bool_]:

@@ -79,17 +79,18 @@ class Plots:
         for columns in self._bus.columns("transactions"):
             names = ("unit", "response", "response_time_ns", "response_time_low_ns", "response_time_high_ns")
             for unit, response, exact, least, most in zip(*(columns[name] for name in names), strict=True):
-                if exact is not None or (least is not None and most is not None):
-                    low[unit].append(exact if exact is not None else least)
-                    high[unit].append(exact if exact is not None else most)
+                soonest, latest = (least, most) if exact is None else (exact, exact)
+                if soonest is not None and latest is not None:
+                    low[unit].append(soonest)
+                    high[unit].append(latest)
                 else:
                     unknown += response is not None
         ax = _axes(ax)
         for unit in sorted(low):
             share = np.arange(1, len(low[unit]) + 1) / len(low[unit])
-            soonest, latest = (np.sort(np.array(times[unit])) / _MS for times in (low, high))
-            (line,) = ax.step(latest, share, where="post", label=f"unit {unit} ({len(share):,})")
-            ax.fill_betweenx(share, soonest, latest, color=line.get_color(), alpha=0.3, step="pre")
+            begin, end = (np.sort(np.array(times[unit])) / _MS for times in (low, high))
+            (line,) = ax.step(end, share, where="post", label=f"unit {unit} ({len(share):,})")
+            ax.fill_betweenx(share, begin, end, color=line.get_color(), alpha=0.3, step="pre")
         ax.set_xscale("symlog", linthresh=0.1)
         ax.set_xlabel("response time, ms")
         ax.set_ylabel("share of answers")
@@ -130,15 +131,18 @@ class Plots:
         for columns in self._bus.columns("values"):
             names = list(columns)
             wanted = (np.array(columns["unit"]) == unit) & (np.array(columns["address"]) == address)
+            wanted &= np.array(columns["area"], object) == area
             for at in np.flatnonzero(wanted).tolist():
-                if columns["area"][at] == area:
-                    yield {name: columns[name][at] for name in names}
+                yield {name: columns[name][at] for name in names}
 
 
 def series_over_time(
-    series: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]], title: str, ax: Axes | None = None
+    series: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]],
+    title: str,
+    ax: Axes | None = None,
+    measure: str = "raw value",
 ) -> Axes:
-    """Raw values over time, a stepped line for each name: of its values the times (ns, in order), and themselves.
+    """Values over time, a stepped line for each name: of its values the times (ns, in order), and themselves.
 
     Along dates where the times have any and are more than an hour; else along seconds.
     """
@@ -160,19 +164,24 @@ def series_over_time(
         ax.xaxis.set_major_locator(locator)
         ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
         ax.set_xlabel("UTC")
-    ax.set_ylabel("raw value")
+    ax.set_ylabel(_label_text(measure))
     ax.set_title(_label_text(title))
     return _with_legend(ax)
 
 
-def drawn_series(kind: str, series: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]], title: str) -> bytes:
+def drawn_series(
+    kind: str,
+    series: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]],
+    title: str,
+    measure: str = "raw value",
+) -> bytes:
     """The same as a file of a kind, `png`, `svg` or `pdf`. ImportError says how to get matplotlib."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ImportError(needs("a picture", "matplotlib", "plot"), name="matplotlib") from error
     figure = Figure(figsize=_WIDE, layout="constrained")
-    series_over_time(series, title, figure.subplots())
+    series_over_time(series, title, figure.subplots(), measure)
     file = io.BytesIO()
     figure.savefig(file, format=kind, dpi=150)
     return file.getvalue()

@@ -62,6 +62,11 @@ def is_clock(t_ns: int | NDArray[np.int64]) -> bool | NDArray[np.bool_]:
     return t_ns > CLOCK_FROM_NS
 
 
+def shortened(text: str, most: int) -> str:
+    """A text in so many characters at most; `…` at its end where there is more."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
 def seconds(ns: int) -> str:
     """`12.345678`, in seconds to the microsecond; negative ones with a sign."""
     sign, ns = ("-", -ns) if ns < 0 else ("", ns)

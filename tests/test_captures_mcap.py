@@ -147,6 +147,13 @@ def test_settings_survive_the_loss_of_the_metadata_record(tmp_path: Path) -> Non
     assert len(list(capture.chunks())) == 50
 
 
+def test_what_is_no_mcap_is_not_called_one(tmp_path: Path) -> None:
+    path = tmp_path / "bus.mcap"
+    path.write_bytes(bytes(range(1, 256)) * 12)
+    with pytest.raises(CaptureError, match="not an MCAP file"):
+        captures.open(path)
+
+
 @pytest.mark.parametrize("cut", [0, 40])
 def test_an_mcap_of_another_origin_is_refused_in_a_line(tmp_path: Path, cut: int) -> None:
     content = shared_file(some_blocks(1), metadata=False)

@@ -169,8 +169,8 @@ class Kept:
     def tick(self):
         pass
 
-    def close(self):
-        self.closed = True
+    def close(self, heard_ns=None):
+        self.closed, self.heard_ns = True, heard_ns
 
 
 def test_bytes_that_the_analysis_cannot_take_are_recorded_and_counted():

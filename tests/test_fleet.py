@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 import analyzer
 import captures
+from analyzer import languages
 from analyzer.cli import main
 
 pytest.importorskip("duckdb", reason="a lake is asked by DuckDB")
@@ -463,3 +465,59 @@ def register_of(made):
     by_count = "GROUP BY ALL ORDER BY count(*) DESC, unit, address LIMIT 1"
     often = f"SELECT unit, address FROM values WHERE site = 'site1' {by_count}"
     return [str(word) for word in Lake(str(made)).sql(often).fetchall()[0]]
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_a_limit_holds_for_every_question(made, name):
+    unit, address = register_of(made)
+    words = {"register": (unit, address), "compare": ("site0", "site1")}.get(name, ())
+    lake = Lake(str(made))
+    every = ready(lake, name, Asked(words, limit=10**6))
+    assert ready(lake, name, Asked(words, limit=1)).equals(every.slice(0, 1))
+    shown = 20 if QUESTIONS[name].most else None
+    assert ready(lake, name, Asked(words)).equals(every.slice(0, shown))
+    assert name not in ("register", "compare") or len(every) > 1
+
+
+def test_a_limit_on_sql_is_refused(made, capsys):
+    assert main(["ask", str(made), "SELECT 1 AS a", "--limit", "4"]) == 2
+    assert "--limit" in capsys.readouterr().err
+
+
+def test_a_line_without_a_clock_is_not_silent_since_1970_and_keeps_its_causes(tmp_path, capsys):
+    for name, begin_ns in (("dated.mcap", BEGIN_NS), ("undated.mcap", 0)):
+        (tmp_path / "src").mkdir(exist_ok=True)
+        captures.write(tmp_path / "src" / name, bus(begin_ns=begin_ns, transactions=400))
+    batch(tmp_path / "lake", tmp_path / "src")
+    path = str(tmp_path / "lake")
+    assert "nothing recorded any more" not in {row["what"] for row in plain(ready(Lake(path), "silent", Asked()))}
+    asked = plain(ready(Lake(path), "new-causes", Asked()))
+    assert {row["line"] for row in asked} == {"dated.mcap", "undated.mcap"}
+    assert main(["ask", path, "new-causes"]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert all(line.startswith("no clock") == ("undated.mcap" in line) for line in told[1:])
+
+
+def test_causes_of_a_lake_are_told_in_the_language_in_use(tmp_path, capsys):
+    (tmp_path / "src").mkdir()
+    captures.write(tmp_path / "src" / "one.mcap", bus(transactions=400))
+    captures.write(tmp_path / "src" / "two.mcap", bus(transactions=400, begin_ns=BEGIN_NS + 9 * DAY_NS))
+    batch(tmp_path / "lake", tmp_path / "src")
+    try:
+        for question in ("new-causes", "silent"):
+            assert main(["ask", str(tmp_path / "lake"), question, "--since", "2d", "--lang", "ru"]) == 0
+            _, *told = capsys.readouterr().out.splitlines()
+            assert told and all(re.search("[а-я]{4}", line) for line in told)
+        assert main(["ask", str(tmp_path / "lake"), "new-causes", "--json", "--lang", "ru"]) == 0
+        assert all(re.search("[а-я]{4}", row["remedy"]) for row in json.loads(capsys.readouterr().out))
+    finally:
+        languages.use_language("en")
+
+
+def test_the_columns_of_each_view_are_those_that_the_page_names(made):
+    for table, dataset in DATASETS.items():
+        names = Lake(str(made)).arrow(f"SELECT * FROM {table} LIMIT 0").column_names
+        assert names[-2:] == (["site", "day"] if dataset.time else [dataset.schema.names[-1], "site"])
+    page = (Path(__file__).parents[1] / "docs" / "fleet.md").read_text(encoding="utf-8")
+    without = [f"`{table}`" for table, dataset in DATASETS.items() if not dataset.time]
+    assert f"({', '.join(without[:-1])} and {without[-1]} have their times alone)" in page

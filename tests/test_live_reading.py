@@ -255,6 +255,7 @@ def test_a_gateways_socket_is_a_tap():
         (__file__, "a file, not a serial port: view a capture with `rtuscope open`"),
         ("nothing://here", "cannot listen to nothing://"),
         ("loop://", "cannot listen to loop://"),
+        ("tcp://10.0.0.7", "rfc2217://HOST:PORT, tap://HOST"),
         ("socket://127.0.0.1", "expected socket://HOST:PORT"),
         ("socket://127.0.0.1:1", "refused"),
     ],

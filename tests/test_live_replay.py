@@ -302,3 +302,11 @@ def test_ctrl_c_on_a_terminal_ends_a_sniff_in_order(tmp_path):
     assert "Traceback" not in terminal.screen
     assert "REC 8 B" in terminal.screen
     assert not captures.open(tmp_path / "bus.mcap").damage
+
+
+def test_seconds_count_from_the_first_row_of_all_whatever_is_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    fields = ("--speed", "max", "--fields", "index,seconds")
+    every = ran(capsys, "replay", TROUBLED, *fields).out.splitlines()
+    assert ran(capsys, "replay", TROUBLED, *fields, "--filter", "index in (7, 40)").out.splitlines() == [
+        line for line in every if line.split("\t")[0] in ("7", "40")
+    ]

@@ -100,7 +100,7 @@ def test_all_that_real_stacks_say_is_sniffed_paired_and_recorded(tmp_path):
         assert (asked["direction"], answer["direction"]) == ("request", "response"), number
         assert answer["request_start"] == asked["start"]
     assert list(map(untimed, frames(exported(tmp_path / "bus.mcap")))) == list(map(untimed, found))
-    assert [note.kind for note in read(tmp_path / "bus.mcap")] == ["opened", "settled"]
+    assert [note.kind for note in read(tmp_path / "bus.mcap")] == ["opened", "settled", "closed"]
 
 
 @pytest.mark.skipif(not shutil.which("mbpoll"), reason="mbpoll is not installed")

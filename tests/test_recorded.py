@@ -83,7 +83,7 @@ def test_the_report_says_when_nothing_was_heard(tmp_path: Path, capsys: pytest.C
     assert all(len(line) <= 80 for line in page.splitlines()[1:]), page
     assert "answers missed then are not blamed on any unit" in page
     assert "requests  10: 8 answered, 1 unanswered, 1 not heard\n" in page
-    assert "+ 1 not heard: recording was interrupted" in page
+    assert "+ 1 not heard: the capture stopped while the answer was due" in page
     report = json.loads(ran(capsys, "report", path, "--json").out)
     assert [note["kind"] for note in report["notes"]] == ["opened", "lost", "opened", "clock"]
     assert (report["transactions"]["unanswered"], report["transactions"]["unheard"]) == (1, 1)

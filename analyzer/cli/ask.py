@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dissectors.values import harmless
 
-from ..languages import tr
+from ..languages import page_words, tr
 from .commands import DONE, UsageError
 from .inputs import seconds
 from .terminal import add_overwrite_argument, put_data, put_json, to_be_overwritten
@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--since", type=seconds, metavar="TIME", help="only the newest 12h, 7d ... in the lake")
     parser.add_argument("--site", metavar="NAME", help="only this site (ready-made questions)")
     parser.add_argument(
-        "--limit", type=_limit, default=20, metavar="N", help="number of rows, for a ready-made question (20)"
+        "--limit", type=_limit, metavar="N", help="number of rows, for a ready-made question (20; register: all)"
     )
     shape = parser.add_mutually_exclusive_group()
     shape.add_argument("--json", action="store_true", help="an array of objects")
@@ -54,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Answer."""
     from ..fleet.lake import Lake
-    from ..fleet.questions import QUESTIONS, Asked, ready
+    from ..fleet.questions import DATES, QUESTIONS, Asked, ready
 
     if arguments.plot is not None and arguments.question != "register":
         raise UsageError("--plot draws the values of a register: rtuscope ask LAKE register UNIT ADDRESS --plot FILE")
@@ -68,9 +68,9 @@ def run(arguments: argparse.Namespace) -> int:
         if near := meant(arguments.question, QUESTIONS):
             raise UsageError(f"no question {arguments.question!r}: did you mean {near}?")
         raise UsageError(f"no question {arguments.question!r}: choose from {', '.join(QUESTIONS)}, or use SQL")
-    elif arguments.words or arguments.since is not None or arguments.site is not None:
+    elif arguments.words or (arguments.since, arguments.site, arguments.limit) != (None, None, None):
         raise UsageError(
-            "extra arguments, --since and --site are for ready-made questions: put the conditions into the SQL itself"
+            "extra arguments, --since, --site and --limit are for ready-made questions: put them into the SQL itself"
         )
     else:
         answer = lake.arrow(arguments.question)
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.csv:
         _put_csv(answer)
     else:
-        _put_table(answer)
+        _put_table(answer, DATES if arguments.question in QUESTIONS else ())
     return DONE
 
 
@@ -200,8 +200,22 @@ def _cut_cell(cell: str) -> str:
     return cell if len(cell) <= _WIDEST else cell[: _WIDEST - 1] + "…"
 
 
-def _put_table(answer: Any) -> None:
+def _put_table(answer: Any, dates: Iterable[str]) -> None:
+    """For people; `dates` are columns that mean one: captures without a clock have none."""
+    import pyarrow as pa
+
+    from ..words import is_clock
+
     rows = [[harmless(cell) for cell in row] for row in _plain_rows(answer)]
+    if "what" in answer.column_names:
+        at = answer.column_names.index("what")
+        for row in rows:
+            row[at] = page_words(row[at])
+    for name in {*dates}.intersection(answer.column_names):
+        at = answer.column_names.index(name)
+        for row, t_ns in zip(rows, answer.column(name).cast(pa.int64()).to_pylist(), strict=True):
+            if t_ns is not None and not is_clock(t_ns):
+                row[at] = page_words("no clock")
     rows = [[*map(_cut_cell, row[:-1]), *row[-1:]] for row in rows]  # the last column has nothing beside it
     heads = [harmless(name) for name in answer.column_names]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]

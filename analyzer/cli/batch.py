@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     options, refused = batch_options(arguments), list[str]()
     lines = lines_of(found(arguments.source, refused), arguments.site, arguments.site_from, refused)
     try:
-        with endable(), interruptible() as stop:
+        with interruptible() as stop, endable():
             result = run_batch(
                 lake,
                 lines,
@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.redo and result.outdated:
         tell_user(outdated(result))
     if result.partial:
-        tell_user("stopped by Ctrl-C; partial output is kept: continue with --resume")
+        tell_user("interrupted; partial output is kept: continue with --resume")
         return INTERRUPTED
     return FAILED if result.is_flawed or refused else DONE
 

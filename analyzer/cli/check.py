@@ -96,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _show(results)
     if results.partial:
-        tell_user("stopped by Ctrl-C; only the part read so far was checked")
+        tell_user("interrupted; only the part read so far was checked")
         return INTERRUPTED
     if not results.frames:
         tell_user(f"{source}: no Modbus frame found")

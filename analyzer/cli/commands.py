@@ -117,7 +117,7 @@ MEANINGS: Final = (
         FAILED,
         "the input holds no frame, an assertion fails, a recording lost bytes, or a capture of a batch is damaged",
     ),
-    (UNUSABLE, "unusable arguments or input; one line explains why"),
+    (UNUSABLE, "unusable arguments or input, or a part of the program failed; one line explains why"),
     (INTERRUPTED, "interrupted (Ctrl-C or a signal) before all was done; partial output is kept"),
 )
 ENDLESS: Final = frozenset({"sniff", "record", "between", "tap", "replay", "twin", "watch"})  # until a signal ends them

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import nullcontext, suppress
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
@@ -25,6 +27,8 @@ from .lineoptions import add_kept_names
 from .terminal import Progress, add_overwrite_argument, captured_words, interruptible, tell_user, to_be_overwritten
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from captures import Block, Capture
     from captures.formats import Format
 
@@ -106,21 +110,52 @@ def run(arguments: argparse.Namespace) -> int:
     progress = Progress(f"convert {paths[0]}", "reads")
     written = _Written(progress)
     with interruptible() as stop:
-        edited = _cut(_merged(opened, arguments), arguments)
-        out = sys.stdout.buffer if arguments.output == "-" else arguments.output
-        captures.write(out, observed(edited, look=written.count, stop=stop), format=chosen.name)
+        merged = _merged(opened, arguments)
+        edited = _cut(merged, arguments)
+        kept = observed(edited, look=written.count, stop=stop)
+        to_stdout, nothing = arguments.output == "-", ""
+        out = nullcontext(sys.stdout.buffer) if to_stdout else captures.replacing(arguments.output, private=True)
+        with suppress(_NothingKeptError), out as file:
+            captures.write(file, kept, format=chosen.name)
+            if not (written.bytes or edited is merged or to_stdout):
+                nothing = _nothing_of(merged)
+                raise _NothingKeptError
         stopped = stop()
     progress.clear()
     for path, capture in zip(paths, opened, strict=True):
         tell_damage(path, capture)
+    if nothing:
+        tell_user(f"{arguments.output}: not written: {nothing}")
+        return INTERRUPTED if stopped else NO_FRAME
     if lost := _lost(edited, chosen, written):
         tell_user(f"{arguments.output}: this format cannot store {', '.join(lost)}")
     line = f"{arguments.output}: {captured_words(written.reads, written.bytes)}"
-    print(harmless(line), file=sys.stderr if arguments.output == "-" else sys.stdout)
+    print(harmless(line), file=sys.stderr if to_stdout else sys.stdout)
     if stopped:
-        tell_user("stopped by Ctrl-C; partial output is kept")
+        tell_user("interrupted; partial output is kept")
         return INTERRUPTED
     return DONE if written.bytes else NO_FRAME
+
+
+class _NothingKeptError(Exception):
+    """Whatever was to be kept, there is none of it: what has the output's name stays."""
+
+
+def _nothing_of(capture: Capture) -> str:
+    """That nothing of a capture is kept, and when its bytes came."""
+    from ..words import duration, is_clock, moment
+
+    if not capture.timed:
+        return "nothing is kept of the capture"
+    times = [*_times(capture)]
+    first, last = min(times, default=0), max(times, default=0)
+    begin = moment(first) if is_clock(first) else duration(first)
+    return f"nothing is kept of the capture, which lasts {duration(last - first)} from {begin}"
+
+
+def _times(capture: Capture) -> Iterator[int]:
+    """When the bytes of each block began and ended, ns."""
+    return chain.from_iterable(block.t_ns[[0, -1]].tolist() for block in filter(len, capture.blocks()))
 
 
 class _Written:
@@ -201,7 +236,7 @@ def _cut(capture: Capture, arguments: argparse.Namespace) -> Capture:
     if arguments.begin is not None or arguments.end is not None:
         from captures.io import time_zone
 
-        first = next((int(block.t_ns[0]) for block in capture.blocks() if len(block)), 0)
+        first = next(_times(capture), 0)
         zone = None if arguments.tz is None else time_zone(arguments.tz)
         begin = -(1 << 62) if arguments.begin is None else moment(arguments.begin, "--start", first, zone)
         end = 1 << 62 if arguments.end is None else moment(arguments.end, "--end", first, zone)

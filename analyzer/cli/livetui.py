@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from .commands import UsageError
 from .inputs import chosen_charts
+from .terminal import endable
 
 if TYPE_CHECKING:
     from captures.recording.recorder import Recorder
@@ -40,6 +41,7 @@ def check_interface(arguments: argparse.Namespace) -> None:
     needs_a_terminal("--tui", "leave it out")
 
 
+@endable()  # by a signal before the interface heeds them
 def show_interface(
     arguments: argparse.Namespace,
     session: Session,

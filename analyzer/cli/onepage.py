@@ -63,7 +63,7 @@ def put_out(
             page = make()
             file.write(html(page).encode())
         if page.report.partial:
-            tell_user("stopped by Ctrl-C; the report covers only the part read so far")
+            tell_user("interrupted; the report covers only the part read so far")
     tell_damage(arguments.capture, capture)
     return page
 

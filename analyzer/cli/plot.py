@@ -18,13 +18,18 @@ from .inputs import (
     tell_damage,
     unit_number,
 )
-from .terminal import add_overwrite_argument, to_be_overwritten
+from .registers import own_words_of
+from .terminal import add_overwrite_argument, tell_user, to_be_overwritten
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from captures import Capture
+    from dissectors.maps.model import RegisterMap
+
     from ..analysis import Analysis
+    from ..registers.roles import RegisterValue
 
 EXAMPLE = """\
 rtuscope simulate meter.jsonl --map eastron-sdm630@1
@@ -48,12 +53,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", help="a picture: .png, .svg or .pdf (needs matplotlib)")
     add_overwrite_argument(parser, "FILE")
     add_map_argument(parser)
+    parser.add_argument("--raw", action="store_true", help="draw the register's own word, whatever value it is part of")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw it."""
+    from dissectors.maps.files import UnitMaps
+
     from ..analysis import Analysis
-    from ..registers.telling import place_words
+    from ..registers.drafting import drafted_map
+    from ..registers.watch import is_sure
 
     picture = _picture(arguments.output)
     load_functions(arguments)
@@ -61,13 +70,23 @@ def run(arguments: argparse.Namespace) -> int:
     capture = open_capture(arguments)
     if not capture.timed:
         raise UsageError(f"{arguments.capture}: a capture without timestamps cannot be plotted")
-    bus = Analysis(capture, maps=chosen_charts(arguments) or None)
-    readings = _readings(bus, arguments.unit, address)
+    unit, charts = arguments.unit, chosen_charts(arguments)
+    told: list[RegisterValue] = []
+    if arguments.raw:
+        charts = UnitMaps()
+    elif charts.get(unit) is None:
+        told = _told(capture, arguments, address)
+        charts = UnitMaps({**charts, unit: drafted_map([each for each in told if is_sure(each)], "", "")}, charts.other)
+    chart = charts.get(unit)
+    readings = _readings(Analysis(capture, maps=charts or None), unit, address, chart)
     tell_damage(arguments.capture, capture)
-    area = _area(area or arguments.area, readings, arguments.unit, address)
+    area = _area(area or arguments.area, readings, unit, address)
     times, numbers, name = readings[area]
-    place = name or place_words(area, address)
-    title = register_words("unit {unit} {place}", unit=arguments.unit, place=place)
+    value = next((each for each in told if each.area == area), None)
+    place, note = _meaning(area, address, name, value)
+    title = register_words("unit {unit} {place}", unit=unit, place=place)
+    if note:
+        tell_user(note)
     if picture is None:
         _draw(title, times, numbers)
         return DONE
@@ -76,7 +95,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
     try:
-        drawn = drawn_series(picture.suffix[1:].lower(), {name or area: (times, numbers)}, title)
+        row = None if chart is None else chart.at(area, address)
+        measure = "raw value" if row is None else row.unit or "value"
+        drawn = drawn_series(picture.suffix[1:].lower(), {name or area: (times, numbers)}, title, measure)
     except ImportError as error:
         raise UsageError(str(error)) from error
     with output(picture) as file:
@@ -114,13 +135,52 @@ def _picture(text: str | None) -> Path | None:
 Reading = tuple["NDArray[np.int64]", "NDArray[np.float64]", str | None]
 
 
-def _readings(bus: Analysis, unit: int, address: int) -> dict[str, Reading]:
-    """By area the times (ns, ascending), numbers and name of an address of a unit."""
+def _told(capture: Capture, arguments: argparse.Namespace, address: int) -> list[RegisterValue]:
+    """The values that have this address, one an area, as far as readings and the user's own words tell."""
+    from ..core import deframe
+    from ..registers.drafting import with_own_words
+    from ..registers.inference import infer
+    from ..registers.readings import RegisterReadings
+
+    readings = RegisterReadings()
+    for batch in deframe(capture):
+        readings.feed(batch)
+    own_words = with_own_words({}, own_words_of(str(arguments.capture)))
+    values = infer(readings, units=[arguments.unit], charts=own_words)
+    there = (value for value in values if value.address <= address < value.address + value.words)
+    return list({value.area: value for value in there}.values())
+
+
+def _meaning(area: str, address: int, name: str | None, value: RegisterValue | None) -> tuple[str, str]:
+    """What is drawn, and what is to be said of that: of which value the register is a part, and who says so."""
+    from ..registers.telling import place_words
+    from ..registers.watch import is_sure, typed
+
+    if value is None or (value.words == 1 and value.kind != "int"):
+        return name or place_words(area, address), ""
+    place, sure = place_words(area, value.address, value.words), f"{value.confidence:.0%}"
+    if is_sure(value):
+        note = f"{place} is read as {typed(value)}, as its values tell ({sure} sure); --raw draws the word"
+        return f"{place}, {typed(value)}", note if value.words > 1 or value.signed else ""
+    if value.words == 1 or value.kind == "constant":
+        return place_words(area, address), ""
+    note = f"this is one word: {place} may be one value, {typed(value)} ({sure} sure); --map names its type"
+    return place_words(area, address), note
+
+
+def _readings(bus: Analysis, unit: int, address: int, chart: RegisterMap | None) -> dict[str, Reading]:
+    """By area the times (ns, ascending), numbers and name of an address of a unit, or of the value that it is a part
+    of."""
     import numpy as np
 
+    from ..exports.records import AREA_NAMES
+
+    rows = {} if chart is None else {area: chart.at(area, address) for area in AREA_NAMES.values()}
+    begins = {area: address if row is None else row.address for area, row in rows.items()}
     found: dict[str, list[tuple[int, float, str | None]]] = {}
     for columns in bus.columns("values"):
-        chosen = (np.array(columns["unit"]) == unit) & (np.array(columns["address"]) == address)
+        wanted = np.array([begins.get(area, address) for area in columns["area"]], np.int64)
+        chosen = (np.array(columns["unit"]) == unit) & (np.array(columns["address"]) == wanted)
         for at in np.flatnonzero(chosen).tolist():
             number, raw = columns.get("value", columns["raw"])[at], columns["raw"][at]
             shown = raw if number is None else number
@@ -128,10 +188,10 @@ def _readings(bus: Analysis, unit: int, address: int) -> dict[str, Reading]:
             if isinstance(shown, int | float):
                 found.setdefault(columns["area"][at], []).append((columns["t_ns"][at], float(shown), name))
     made: dict[str, Reading] = {}
-    for area, rows in found.items():
-        rows.sort(key=lambda row: row[0])
-        name = next((row[2] for row in rows if row[2]), None)
-        made[area] = np.array([row[0] for row in rows], np.int64), np.array([row[1] for row in rows]), name
+    for area, known in found.items():
+        known.sort(key=lambda reading: reading[0])
+        name = next((name for *_, name in known if name), None)
+        made[area] = np.array([t_ns for t_ns, *_ in known], np.int64), np.array([one for _, one, _ in known]), name
     return made
 
 
@@ -159,7 +219,8 @@ def _draw(title: str, times: NDArray[np.int64], numbers: NDArray[np.float64]) ->
     span = int(times[0]), int(times[-1])
     low, high = told_apart(*(series.scale or (0.0, 0.0)), _LABEL)
     lines = _LINES if low != high else 1
-    print(tr("{title}, {count:,} readings", title=title, count=len(times)))
+    least, most = told_apart(*(series.range or (0.0, 0.0)), _LABEL)
+    print(tr("{title}, {count:,} readings from {low} to {high}", title=title, count=len(times), low=least, high=most))
     for row, cells in enumerate(dots(series, span, columns, lines).tolist()):
         label = high if row == 0 else low if row == lines - 1 else ""
         text = "".join(chr(0x2800 + cell) if cell else " " for cell in cells)

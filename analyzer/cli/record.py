@@ -67,14 +67,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plain(arguments: argparse.Namespace, source: TapSource | TapViewer, recorder: Recorder, tell: Teller) -> None:
     from captures.chunks import Block
-    from captures.live.wire import PortEvent
+    from captures.live.wire import PortEvent, heard_until
     from captures.recording.notes import Note
 
-    heard = 0
+    heard, heard_ns = 0, None
     try:
         with ended_from_outside(source.close, arguments.duration) as begun:
             for item in source.items():
                 begun()
+                heard_ns = heard_until(item)
                 if isinstance(item, Block):
                     recorder.write(item)
                     heard += len(item.data)
@@ -87,7 +88,7 @@ def _plain(arguments: argparse.Namespace, source: TapSource | TapViewer, recorde
                 recorder.tick()
                 tell.status(_status(heard, recorder))
     finally:
-        recorder.close()
+        recorder.close(heard_ns)
 
 
 def _analysed(

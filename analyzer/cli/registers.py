@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from ..languages import counted, register_words
+from ..words import shortened
 from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
@@ -77,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--unit: {arguments.capture} has no values for it: units with values: {listed}")
     for unit in sorted(set(charts) - set(units) if units else ()):
         tell_user(f"--map: {arguments.capture} has no values for unit {unit}: units with values: {listed}")
-    named, words = charts.of(units), _own_words(arguments.capture)
+    named, words = charts.of(units), own_words_of(arguments.capture)
     values = infer(readings, units=arguments.unit, charts=with_own_words(named, words))
     devices: list[Recognised] = []
     if len(named) < len(units) and (arguments.recognise or not arguments.json):
@@ -98,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     return _status(arguments, traffic, values)
 
 
-def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
+def own_words_of(capture: str) -> dict[tuple[int, str, int], str]:
     """What the user said of registers in the interface, kept beside the capture."""
     from pathlib import Path
 
@@ -185,7 +186,7 @@ def _table_row(value: RegisterValue) -> tuple[str, ...]:
 
 def _value_cell(value: float | str | None) -> str:
     text = "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
-    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"
+    return shortened(text, _WIDEST)
 
 
 _ROWS: Final = 1 << 14  # readings of a block
@@ -315,5 +316,5 @@ def gathered(
     progress.clear()
     tell_damage(name, capture)
     if stop():
-        tell_user("stopped by Ctrl-C; only the part read so far was used")
+        tell_user("interrupted; only the part read so far was used")
     return RegisterTraffic(readings, texts, asked, stop())

@@ -207,7 +207,7 @@ def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> 
         report = _report(capture, source, terms, [sights.feed])
         file.write(page(report, sights).encode())
     if report.partial:
-        tell_user("stopped by Ctrl-C; the report covers only the part read so far")
+        tell_user("interrupted; the report covers only the part read so far")
     return report
 
 

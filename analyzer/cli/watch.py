@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         tell_user(f"looking for new captures every {arguments.every:g} s; press Ctrl-C to stop")
     failed, manifest = False, None
     # what a batch began when a signal ends it is left, what it did is kept
-    with suppress(KeyboardInterrupt), endable(), interruptible() as stop:
+    with suppress(KeyboardInterrupt), interruptible() as stop, endable():
         while not stop():
             refused: list[str] = []
             try:

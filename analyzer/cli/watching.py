@@ -115,6 +115,7 @@ class Watch:
         self.status = LineStatus(session.line)
         self._recent = Recent()
         self._tell_cause: Callable[[CauseRevision], Any] | None = getattr(self._lines, "cause", None)
+        self._tell_begin: Callable[[int], None] = getattr(self._lines, "begins", lambda _: None)
         self._story = RunningStory(session.line, aside=not session.waits)
         self._filter, self._until = _condition(arguments, "filter", charts), _condition(arguments, "until", charts)
         self._trigger = _condition(arguments, "trigger", charts)
@@ -142,6 +143,7 @@ class Watch:
             for event in step.events:
                 if event.kind not in silent and event.text:
                     tell_user(event.text)
+            self._begin(step)
             out: list[Any] = []
             for shown in self._recent.feed(step):
                 out += self._row(shown, step)
@@ -167,6 +169,11 @@ class Watch:
                 else "nothing was received"
             )
         return NO_FRAME
+
+    def _begin(self, step: SessionStep) -> None:
+        """The lines are told when rows begin, shown or not."""
+        if len(step.batch):
+            self._tell_begin(int(step.batch.rows.t_start_ns[0]))
 
     def _revised(self, step: SessionStep) -> list[Any]:
         """What registers mean, where that is told for the first time or otherwise; frames are read so from here on."""

@@ -38,7 +38,7 @@ from ..deframing.stream import EngineMaker, PortEngine
 from ..exports.arrow import record_batch
 from ..exports.records import TABLES, record_arrow, record_schema
 from ..options import Options
-from ..outages import deaf_times
+from ..outages import deaf_times, listened_until
 from ..registers.checking import LimitBreach
 from ..reports.troubles import COUNTED_TWICE, is_habit, of_echoes
 from ..tables.batch import Batch, join_batches
@@ -207,7 +207,7 @@ class LineState:
         """No more comes, as far as is known: the rest of the rows. The state is of no use any more."""
         for part in self.even.close():
             self._take(self.analyzer.feed(part), files)
-        self._take(_together(self.analyzer.close()), files)
+        self._take(_together(self.analyzer.close(listened_until(self.notes))), files)
         self._close_day(files)
         files.add("hours", self.hours.close())
 

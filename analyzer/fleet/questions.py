@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 from typing import Any, Final
 
@@ -23,11 +23,16 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ..causes.registry import told_again
+from ..languages import in_use
 from ..meant import meant
+from ..words import CLOCK_FROM_NS
 from . import FleetError
 from .lake import Lake
 
 _NEWEST: Final = "(SELECT max(t_last_ns)::TIMESTAMPTZ FROM captures)"  # an interval is not taken from nanoseconds
+_CLOCKED: Final = f"({{}}::TIMESTAMPTZ > to_timestamp({CLOCK_FROM_NS // 10**9}))"
+DATES: Final = ("since", "last_heard")  # columns that mean a date; without a clock there is none
 _BAD: Final = "exception + unanswered + damaged"
 UNIT_COLUMNS: Final = """sum(requests) - sum(broadcast) - sum(unheard) AS asked,
   sum(exception) AS exceptions, sum(unanswered) AS unanswered, sum(damaged) AS damaged, sum(retries) AS retries,
@@ -44,7 +49,12 @@ class Asked:
     words: Sequence[str] = ()
     since_s: float | None = None
     site: str | None = None
-    limit: int = 20
+    limit: int | None = None  # rows; as many as the question has by itself if not given
+
+    @property
+    def sql_limit(self) -> str:
+        """What ends a query."""
+        return "" if self.limit is None else f"LIMIT {self.limit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +64,7 @@ class Question:
     usage: str
     help: str
     answer: Callable[[Lake, Asked], Any]  # an Arrow table
+    most: int | None = 20  # rows, where nobody says how many; None: all
 
 
 def _sql_span(asked: Asked, column: str = "t_ns") -> str:
@@ -76,29 +87,45 @@ SELECT site, line, unit, asked, exceptions, unanswered, damaged, retries, bad_pe
 FROM judged WHERE p > 0
 ORDER BY (p + 1.92 / asked - 1.96 * sqrt(p * (1 - p) / asked + 0.96 / asked / asked)) / (1 + 3.84 / asked) DESC,
   site, line, unit
-LIMIT {asked.limit}""",
+{asked.sql_limit}""",
         _parameters(asked),
     )
 
 
 def _new_causes(lake: Lake, asked: Asked) -> Any:
-    """Causes whose line and units did not have them before."""
-    asked = asked if asked.since_s is not None else Asked(asked.words, 7 * 86_400.0, asked.site, asked.limit)
+    """Causes whose line and units did not have them before; of captures without a clock all, as nobody can tell."""
+    asked = asked if asked.since_s is not None else replace(asked, since_s=7 * 86_400.0)
     site = "" if asked.site is None else "WHERE site = $site"
-    return lake.arrow(
-        f"""WITH first AS (SELECT site, line, cause, units, min(t_ns) AS since, max(until_ns) AS until,
+    answer = lake.arrow(
+        f"""WITH first AS (SELECT site, line, cause, units,
+    coalesce(min(t_ns) FILTER ({_CLOCKED.format("t_ns")}), min(t_ns)) AS since, max(until_ns) AS until,
     count(*) AS days, arg_max(severity, t_ns) AS severity, arg_max(text, t_ns) AS text,
-    arg_max(remedy, t_ns) AS remedy, sum(lost_answers) AS lost_answers, sum(bits) AS bits
+    arg_max(remedy, t_ns) AS remedy, arg_max(numbers, t_ns) AS numbers,
+    sum(lost_answers) AS lost_answers, sum(bits) AS bits
   FROM causes {site} GROUP BY site, line, cause, units)
-SELECT since, site, line, cause, units, severity, days, lost_answers, text, remedy
-FROM first WHERE since::TIMESTAMPTZ >= {_NEWEST} - to_seconds($since)
-ORDER BY bits DESC, site, line, cause LIMIT {asked.limit}""",
+SELECT since, site, line, cause, units, severity, days, lost_answers, text, remedy, numbers
+FROM first WHERE since::TIMESTAMPTZ >= {_NEWEST} - to_seconds($since) OR NOT {_CLOCKED.format("since")}
+ORDER BY bits DESC, site, line, cause {asked.sql_limit}""",
         _parameters(asked),
     )
+    return _in_use(answer).drop_columns("numbers")
+
+
+def _in_use(answer: Any) -> Any:
+    """Causes in the language in use; as they were kept where that is English, or this version knows no such cause."""
+    if in_use() == "en":
+        return answer
+    rows = answer.select(["cause", "numbers", "text", "remedy"]).to_pylist()
+    words = [told_again(row["cause"], row["numbers"]) for row in rows]
+    for name in ("text", "remedy"):
+        told = [row[name] if new is None else getattr(new, name) for row, new in zip(rows, words, strict=True)]
+        answer = answer.set_column(answer.column_names.index(name), name, pa.array(told, pa.string()))
+    return answer
 
 
 def _silent(lake: Lake, asked: Asked) -> Any:
-    """Units that answered once and then nothing more that was asked, and lines of which nothing came any more."""
+    """Units that answered once and then nothing more that was asked, and lines of which nothing came any more; how
+    long a line without a clock is silent nobody can tell."""
     quiet = asked.since_s if asked.since_s is not None else 86_400.0
     where = "" if asked.site is None else "WHERE site = $site"
     return lake.arrow(
@@ -113,8 +140,8 @@ SELECT site, line, unit, heard AS last_heard, requests_since,
 FROM units JOIN asked_since USING (site, line, unit) WHERE unit > 0 AND requests_since > 0
 UNION ALL BY NAME
 SELECT site, line, NULL AS unit, heard AS last_heard, NULL AS requests_since, 'nothing recorded any more' AS what
-FROM lines WHERE heard::TIMESTAMPTZ < {_NEWEST} - to_seconds($since)
-ORDER BY what, requests_since DESC NULLS LAST, site, line, unit LIMIT {asked.limit}""",
+FROM lines WHERE heard::TIMESTAMPTZ < {_NEWEST} - to_seconds($since) AND {_CLOCKED.format("heard")}
+ORDER BY what, requests_since DESC NULLS LAST, site, line, unit {asked.sql_limit}""",
         {**_parameters(asked), "since": quiet},
     )
 
@@ -128,7 +155,7 @@ def _compare(lake: Lake, asked: Asked) -> Any:
   {UNIT_COLUMNS},
   (SELECT count(DISTINCT (line, cause)) FROM causes WHERE causes.site = hours.site) AS causes,
   (SELECT sum(bytes)::BIGINT FROM captures WHERE captures.site = hours.site) AS bytes
-FROM hours WHERE site IN ($one, $two) GROUP BY site ORDER BY site = $two""",
+FROM hours WHERE site IN ($one, $two) GROUP BY site ORDER BY site = $two {asked.sql_limit}""",
         {"one": one, "two": two},
     )
 
@@ -157,7 +184,7 @@ def _register(lake: Lake, asked: Asked) -> Any:
     return lake.arrow(
         f"""SELECT t_ns, site, line, area, raw FROM values {_sql_span(asked)}{day}
   AND unit = $unit AND address = $address {"AND area = $area" if area else ""}
-ORDER BY site, line, t_ns, "index", area""",
+ORDER BY site, line, t_ns, "index", area {asked.sql_limit}""",
         _parameters(asked, unit=int(unit), address=int(address), area=area[0] if area else None),
     )
 
@@ -171,7 +198,7 @@ def _damaged(lake: Lake, asked: Asked) -> Any:
     where = _sql_span(asked)
     return lake.arrow(
         f"""SELECT site, line, source, state, damage_count, damage[1] AS first FROM captures {where}
-  AND state IN ('damaged', 'unreadable') ORDER BY site, line, source LIMIT {asked.limit}""",
+  AND state IN ('damaged', 'unreadable') ORDER BY site, line, source {asked.sql_limit}""",
         _parameters(asked),
     )
 
@@ -202,9 +229,9 @@ QUESTIONS: Final[Mapping[str, Question]] = {
     "worst-units": Question("", "units whose requests most often had no good answer", _worst_units),
     "new-causes": Question("", "causes that began since then (--since, a week if not given)", _new_causes),
     "drift": Question("", "units whose response time or bad answers changed for good, and when", _drift),
-    "register": Question("UNIT ADDRESS [AREA]", "all values of a register or bit, in order", _register),
+    "register": Question("UNIT ADDRESS [AREA]", "all values of a register or bit, in order", _register, None),
     "silent": Question("", "units that answer no more, lines of which nothing comes (--since, a day)", _silent),
-    "compare": Question("SITE SITE", "two sites side by side", _compare),
+    "compare": Question("SITE SITE", "two sites side by side", _compare, None),
     "damaged": Question("", "captures of which something could not be read", _damaged),
 }
 _WORDS: Final = re.compile(r"\S+")
@@ -219,7 +246,7 @@ def ready(lake: Lake, name: str, asked: Asked) -> Any:
         raise FleetError(f"{name} takes {question.usage or 'no further words'}")
     if asked.site is not None:
         _known_site(lake, asked.site)
-    return question.answer(lake, asked)
+    return question.answer(lake, asked if asked.limit is not None else replace(asked, limit=question.most))
 
 
 HOURS_AT_ONCE: Final = 1_000_000  # of which some numbers each are in memory

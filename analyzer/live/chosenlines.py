@@ -24,6 +24,10 @@ class ChosenLines:
     def __init__(self, fields: Sequence[str], *, text: bool, noise: bool) -> None:
         self._narrow, self._text, self._noise = FrameChoice(fields), text, noise
 
+    def begins(self, t_ns: int) -> None:
+        """From when the seconds count."""
+        self._narrow.begins(t_ns)
+
     def use_charts(self, charts: Mapping[int, RegisterMap]) -> None:
         """Columns know no maps."""
 

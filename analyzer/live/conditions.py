@@ -120,7 +120,7 @@ class TriggeredSink:
             self._recorder.note(note)
         self._recorder.tick()
 
-    def close(self) -> None:
+    def close(self, heard_ns: int | None = None) -> None:  # noqa: ARG002 - much that was heard is not recorded
         """No more comes."""
         self.tick()
         self._recorder.close()

@@ -17,8 +17,9 @@ from typing import Any, Final, Protocol
 
 from captures.chunks import Block
 from captures.line import LineSettings
-from captures.live.wire import Item, PortEvent, Tick
-from captures.recording.notes import MARK, Note
+from captures.live.wire import Item, PortEvent, Tick, heard_until
+from captures.recording.notekinds import MARK
+from captures.recording.notes import Note
 
 from ..core import Analysed, Analyzer
 from ..errors import stream_under_base
@@ -76,7 +77,7 @@ class RecordingSink(Protocol):
 
     def tick(self) -> None: ...
 
-    def close(self) -> None: ...
+    def close(self, heard_ns: int | None = None) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,9 +241,11 @@ class Session:
 
     def _pump(self) -> None:
         """The other thread: what the source gives, to the disk and into the queue."""
+        heard_ns = None
         try:
             try:
                 for item in self._source.items():
+                    heard_ns = heard_until(item)
                     self._record(item)
                     self._offer(item)
                     if not (isinstance(item, Block) and self._source.more):  # a tick goes with the reads before it
@@ -253,7 +256,7 @@ class Session:
                 self._tell_missed()
             finally:
                 if self._recorder is not None:
-                    self._recorder.close()
+                    self._recorder.close(heard_ns)
         except BaseException as error:  # raised again where the steps are taken
             self._ready.append(error)
         else:

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,9 @@ _UNITS: Final = 256
 _FIRST_UNIT_BIN_NS: Final = 100_000_000  # of a bin, at first
 _FEW: Final = 1 << 20  # rows that are counted anew
 _TRACKS: Final = 4  # bytes, frames, rows in trouble, noise bytes
-_TROUBLE: Final = 2  # of them
+_OCTETS, _TROUBLE, _NOISE = 0, 2, 3  # of them
+_SHOWN: Final = ("t_start_ns", "t_end_ns", "length", "kind", "mark")
+_AT_ONCE: Final = 1e-3  # bins, that a row takes of which no time is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +80,8 @@ class Activity:
         if last - first <= _FEW and bus.count:
             total = np.zeros((_TRACKS, bins), np.int64)
             for number, low, high in bus.table.slices(first, min(last, bus.count)):
-                ends = bus.table.stretch(number, "t_end_ns", slice(low, high))
-                slots = ((ends - t_start) // width).astype(np.int64)
-                inside = (slots >= 0) & (slots < bins)
-                lengths, kinds, marks = (
-                    bus.table.stretch(number, name, slice(low, high))[inside] for name in ("length", "kind", "mark")
-                )
-                total += _counted(lengths, kinds, marks, slots[inside], bins)
+                columns = [bus.table.stretch(number, name, slice(low, high)) for name in _SHOWN]
+                total += _in_span(columns, t_start, width, bins)
             return Bins(t_start, width, *total)
         with self._merging:
             begin_ns, width_ns, table = self._bins.begin_ns or 0, self._bins.width_ns, self._bins.tables["all"].copy()
@@ -95,13 +92,39 @@ class Activity:
 
 
 def binned(bus: Bus, rows: NDArray[np.int64], t_start: int, t_end: int, bins: int) -> Bins:
-    """Some rows alone over a span, in this many bins, where they end."""
+    """Some rows alone over a span, in this many bins."""
     width = max(t_end - t_start, 1) / bins
-    ends = bus.table.take_column("t_end_ns", rows)
-    slots = ((ends - t_start) // width).astype(np.int64)
+    columns = [bus.table.take_column(name, rows) for name in _SHOWN]
+    return Bins(t_start, width, *_in_span(columns, t_start, width, bins))
+
+
+def _in_span(columns: Sequence[NDArray[Any]], t_start: int, width: float, bins: int) -> NDArray[np.int64]:
+    """The tracks of a span, of rows with these columns (`_SHOWN`): rows where they end, their bytes over the time that
+    they took on the line."""
+    begins, ends, lengths, kinds, marks = columns
+    first, last = (begins - t_start) / width, (ends - t_start) / width
+    slots = np.floor(last).astype(np.int64)
     inside = (slots >= 0) & (slots < bins)
-    lengths, kinds, marks = (bus.table.take_column(name, rows[inside]) for name in ("length", "kind", "mark"))
-    return Bins(t_start, width, *_counted(lengths, kinds, marks, slots[inside], bins))
+    counts = _counted(lengths[inside], kinds[inside], marks[inside], slots[inside], bins)
+    noise = kinds == Kind.NOISE
+    counts[_OCTETS] = _octets_by_bin(lengths, first, last, bins)
+    counts[_NOISE] = _octets_by_bin(lengths[noise], first[noise], last[noise], bins)
+    return counts
+
+
+def _octets_by_bin(
+    lengths: NDArray[np.int64], begins: NDArray[np.float64], ends: NDArray[np.float64], bins: int
+) -> NDArray[np.int64]:
+    """Bytes by bin, those of a row evenly over its time: else a column would show more than the line can carry.
+    `begins`, `ends`: in bins, from the first on."""
+    takes = np.maximum(ends - begins, _AT_ONCE)
+    rate, edges = lengths / takes, np.arange(bins + 1)
+    so_far = np.zeros(bins + 1)
+    for at, slope in ((ends - takes, rate), (ends, -rate)):
+        behind = np.clip(np.ceil(at), 0, bins + 1).astype(np.int64)  # the first edge that it lies before
+        slopes, moments = (np.bincount(behind, each, bins + 2)[: bins + 1].cumsum() for each in (slope, slope * at))
+        so_far += slopes * edges - moments
+    return np.diff(np.rint(so_far)).astype(np.int64)
 
 
 def _counted(

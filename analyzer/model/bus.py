@@ -19,6 +19,7 @@ from captures.line import LineSettings
 
 from ..causes.gathered import SharedLedger
 from ..core import Analysed
+from ..failures import CAUSES, FailedPart, Failures
 from ..options import Options
 from ..outages import Deaf
 from ..reports.summary import Summary, with_cards, with_story
@@ -80,6 +81,8 @@ class Bus:
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
         self.off_ns: int | None = None  # by how much response times may be wrong, as `reports.model.Times` has it
+        self._parts: tuple[FailedPart, ...] = ()  # of the analysis that failed: looks and judges,
+        self._failures = Failures()  # and causes altogether
         self._summary = Summary(line.character_ns)
         self.options = Options()
         self.bits: RowBits | None = None  # where the capture has edges
@@ -141,15 +144,25 @@ class Bus:
                 self.bits.feed(batch.rows)
             self._summary.feed(analysed, self.batch(earlier).rows if len(earlier) else None)
             self.off_ns = self._summary.off_ns
-        self._ledger.feed(self.line, batch, analysed.transactions)
+        if CAUSES not in self._failures:
+            with self._failures.contained(CAUSES):
+                self._ledger.feed(self.line, batch, analysed.transactions)
         self._count = self.table.count
+        self._take_failed(analysed.failed)
 
     def close(self) -> None:
         """Nothing more comes."""
         try:
-            self._ledger.close()
+            if CAUSES not in self._failures:
+                with self._failures.contained(CAUSES):
+                    self._ledger.close()
         finally:
             self.whole = True
+
+    @property
+    def failed(self) -> tuple[FailedPart, ...]:
+        """Parts of the analysis that failed so far."""
+        return (*self._parts, *self._failures.parts)
 
     def _append(self, batch: Batch) -> None:
         rows = batch.rows
@@ -329,8 +342,12 @@ class Bus:
         with self._lock:
             rates = None if self.bits is None else self.bits.of_all
             page = self.page(self._summary, rates, source, partial=not self.whole)
+        if CAUSES in self._failures:
+            return replace(page, failed=self.failed)
         with self._ledger.looked_at() as ledger:
-            return (with_story if story else with_cards)(page, ledger)
+            report = (with_story if story else with_cards)(page, ledger)
+        self._take_failed(report.failed)
+        return report
 
     def page(self, summary: Summary, rates: RateTable | None, source: ViewSource, *, partial: bool) -> Report:
         """A summary of this bus, or of some of its rows, as a page."""
@@ -346,10 +363,18 @@ class Bus:
 
     def story(self) -> Story:
         """The same, with what no cause takes."""
-        from ..causes.reasoning import story_of
+        from ..causes.reasoning import Story, story_of
 
+        if CAUSES in self._failures:
+            return Story([], [], self.failed)
         with self._ledger.looked_at() as ledger:
-            return story_of(ledger)
+            story = story_of(ledger)
+        self._take_failed(story.failed)
+        return story
+
+    def _take_failed(self, parts: Sequence[FailedPart]) -> None:
+        if new := [part for part in parts if part not in self._parts]:
+            self._parts = (*self._parts, *new)
 
     @property
     def nbytes(self) -> tuple[int, int]:

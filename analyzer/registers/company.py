@@ -22,7 +22,7 @@ from captures.ragged import Ints
 from dissectors.maps.model import MapArea
 
 from .hypotheses import LONGEST
-from .looks import WORD_CLASSES, word_classes
+from .looks import NO_VALUE, WORD_CLASSES, word_classes
 from .readings import BlockReadings, Words
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ _LIKE: Final = 0.25  # natural logarithm of one size over the other
 _BESIDE: Final = (-8, -6, -4, -2, 2, 4, 6, 8)
 _IN_LINE: Final = (-12, -10, *_BESIDE, 10, 12)
 _FOURS: Final = (-12, -8, -4, 4, 8, 12)
-_MARKS: Final = (0, 0xFFFF, 0x7FFF, 0x8000)  # high words of small numbers, and of what a device lacks
+_MARKS: Final = (0, *NO_VALUE)  # high words of small numbers, and of what a device lacks
 
 
 @dataclass(frozen=True, slots=True, eq=False)

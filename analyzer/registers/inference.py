@@ -30,6 +30,7 @@ from .company import asked_alike
 from .drafting import SAID
 from .evidence import Weights, shipped_weights
 from .hypotheses import HYPOTHESES, patterns
+from .looks import NO_VALUE
 from .mixed import SHORT, UNSURE_AT_MOST, Block, doubtful_blocks
 from .outsiders import bit_values, exclude, swapped_floats, text_value, texts_in
 from .readings import BlockReadings, RegisterReadings
@@ -42,7 +43,7 @@ _CLOCK_S: Final = 5.0  # seconds, before a clock is told
 _PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]
 _RELATED_BLOCKS: Final = 64  # blocks in which relations are sought
 _MAPPED_KINDS: Final = {"bits": "bits", "enum": "enum", "time": "time"}  # of a map's types; the others are numbers
-_NOTHING: Final = (0x0000, 0xFFFF, 0x7FFF, 0x8000)  # words that say nothing when they never move
+_NOTHING: Final = (0, *NO_VALUE)  # words that say nothing when they never move
 
 
 def infer(

@@ -121,7 +121,13 @@ def _is_clock(words: Words, changed: NDArray[np.bool_], amount: Ints) -> NDArray
 
 
 WORD_CLASSES: Final = 16
-_ABSENT: Final = (0xFFFF, 0x8000, 0x7FFF, 0x7FC0, 0xFFC0, 0x7FF8)  # of the first word; the last are no number
+NO_VALUE: Final = (0x7FFF, 0x8000, 0xFFFF)
+"""What devices put in a register where they have no value."""
+NO_VALUE_PAIR: Final = (0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
+"""The same in two registers, the more significant one first."""
+NO_FLOAT: Final = (0x7F80, 0x7FC0, 0x7FFF, 0xFF80, 0xFFC0, 0xFFFF)
+"""The more significant word of floats that are infinite, or not a number."""
+_ABSENT: Final = (*NO_VALUE, 0x7FC0, 0xFFC0, 0x7FF8)  # of the first word; the last are no number
 QUIET_GROUP: Final = np.array([0, 1, 1, 1, 2, 2, 3, 3, 4, 5, 5, 3, 3, 3, 3, 2])
 """The classes of a quiet high word, coarser."""
 

@@ -234,7 +234,7 @@ class RevisedRegisters:
         declared = self._declared.of(units) if isinstance(self._declared, UnitMaps) else self._declared
         settled = with_own_words(declared, self._words)
         self.values = infer(self._readings, charts=settled)
-        fresh = [value for value in self.values if _is_sure(value)]
+        fresh = [value for value in self.values if is_sure(value)]
         self.charts = UnitMaps({**{unit: _readable(fresh, unit) for unit in units if unit not in declared}, **declared})
         revisions = [Revision(self._reported.get(value.key), value) for value in fresh]
         revisions = [one for one in revisions if one.before is None or typed(one.before) != typed(one.value)]
@@ -247,7 +247,7 @@ def typed(value: RegisterValue) -> str:
     return f"{value.type} {value.order}" if value.order else value.type
 
 
-def _is_sure(value: RegisterValue) -> bool:
+def is_sure(value: RegisterValue) -> bool:
     """Whether enough is known of a value: that it moved, and how it is read; or somebody said so."""
     if value.area in ("coil", "discrete") or value.confidence < _LIVE_SURE:
         return False

@@ -152,7 +152,8 @@ def poll_rows(ledger: Ledger) -> tuple[PollRow, ...]:
     """What is asked for again and again, what is asked most first."""
     rows = []
     for poll in ledger.polls.polls():
-        if poll.asked < _RECURS:
+        asked = poll.asked - poll.count(Ending.UNHEARD)  # nobody knows what became of those
+        if asked < _RECURS:
             continue
         period = jitter = None
         if ledger.timed and len(poll.intervals):
@@ -164,7 +165,7 @@ def poll_rows(ledger: Ledger) -> tuple[PollRow, ...]:
                 poll.function,
                 poll.address,
                 poll.quantity,
-                poll.asked,
+                asked,
                 poll.count(Ending.OK),
                 poll.count(Ending.EXCEPTION),
                 poll.count(Ending.SILENT),

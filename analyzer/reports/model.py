@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from captures.line import LineSettings
 
+from ..failures import FailedPart
 from ..tables.schema import bounds_of
 from ..words import between
 
@@ -190,7 +191,8 @@ class FindingRow:
 
 @dataclass(frozen=True, slots=True)
 class PollRow:
-    """What is asked for again and again: unit, function, first address and quantity; `ok` of `asked` got a good answer.
+    """What is asked for again and again: unit, function, first address and quantity; `ok` of `asked` got a good answer,
+    those left out whose answer nobody could hear.
 
     `period_ns` is the median from one to the next, `jitter_ns` how far nine in ten stray from it; None without times.
     `joins` is the first address of a poll of the same unit and function that one request could ask for as well,
@@ -314,6 +316,7 @@ class Report:
     values: tuple[WatchedValue, ...] = ()  # what registers held, by a map or as far as inference is sure
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
     deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing
+    failed: tuple[FailedPart, ...] = ()  # parts of the analysis that failed, by a defect: the others stand
 
     @property
     def line(self) -> LineSettings:

@@ -11,6 +11,7 @@ from typing import Final
 
 from dissectors.values import harmless
 
+from ..failures import failed_words
 from ..languages import counted, grouped, page_words, phrase, retold
 from ..linewords import line_words
 from ..outages import unheard
@@ -63,8 +64,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     if report.damage_count > _LOSSES:
         yield "", page_words("and {count:,} more such places", count=report.damage_count - _LOSSES)
     yield from _recording(report)
-    if report.partial:
-        yield "partial", page_words("reading stopped early; the report covers the part read")
+    yield from _left_out(report)
     yield "bytes", _bytes(report)
     if report.tcp_frames and report.baud is not None:
         yield (
@@ -94,6 +94,14 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         yield "clocks", _clocks(report.clock_skew_ns)
     if report.rates:
         yield "rates", _rates(report.rates)
+
+
+def _left_out(report: Report) -> Iterator[tuple[str, str]]:
+    """What the page does not cover: what was not read, what failed."""
+    if report.partial:
+        yield "partial", page_words("reading stopped early; the report covers the part read")
+    if report.failed:
+        yield "failed", retold(failed_words(report.failed))
 
 
 _SEVERAL_FRAMES: Final = 64  # bytes, in which a bus would have had frames
@@ -207,12 +215,13 @@ def _transactions(report: Report) -> Iterator[tuple[str, str]]:
         return
     silent = "{number:,} without an answer here" if report.is_handful else "{number:,} unanswered"
     parts = [page_words("{number:,} answered", number=counts.answered)]
+    here = report.is_handful  # a few lines that somebody copied end where he stopped
     for number, words in (
         (counts.exceptions, "{number:,} by exception"),
-        (counts.unanswered, silent),
+        (counts.unanswered + counts.unheard * here, silent),
         (counts.damaged, "{number:,} answered by a damaged frame"),
         (counts.broadcasts, "{number:,} broadcast"),
-        (counts.unheard, "{number:,} not heard"),
+        (counts.unheard * (not here), "{number:,} not heard"),
     ):
         if number:
             parts.append(page_words(words, number=number))

@@ -62,7 +62,7 @@ def _legend(report: Report) -> Iterator[str]:
     else:
         yield page_words("requests: ok + exc (exceptions) + none (no answer) + bad (damaged) + broadcasts")
     if count := report.transactions.unheard:
-        unheard = page_words("{count:,} not heard: recording was interrupted when the answer was due", count=count)
+        unheard = page_words("{count:,} not heard: the capture stopped while the answer was due", count=count)
         yield f"{'':10}+ {unheard}"
 
 

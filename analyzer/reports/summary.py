@@ -17,6 +17,7 @@ from dissectors.foreign import NAMES
 from dissectors.functions import exception_name, function_name
 
 from ..core import observed
+from ..failures import CAUSES, FailedPart, Failures
 from ..options import Options
 from ..outages import deaf_times, notes_of
 from ..tables.bins import Histogram
@@ -76,6 +77,7 @@ class Summary:
         self._first: int | None = None
         self._last: int | None = None
         self._busy = _Busiest()
+        self.failed: tuple[FailedPart, ...] = ()  # looks
         self.off_ns: int | None = 0  # `Times.off_ns`, as far as is known by now
 
     @property
@@ -92,6 +94,7 @@ class Summary:
         if len(rows) or len(analysed.transactions):
             self.off_ns = round(analysed.off_ns) if np.isfinite(analysed.off_ns) else None
         self._skew = analysed.skew or self._skew
+        self.failed = analysed.failed or self.failed
         self._settle(analysed.transactions)
         subjects = rows if earlier is None else Rows.joined((earlier, rows))
         self._troubles.add(analysed.findings, subjects, analysed.transactions)
@@ -161,6 +164,7 @@ class Summary:
             findings=self._told(),
             notes=tuple(notes),
             deaf=tuple(deaf_times(notes)),
+            failed=self.failed,
         )
         return replace(report, findings=tuple(map(uncounted, report.findings))) if report.is_handful else report
 
@@ -282,6 +286,7 @@ def summarize(
     line = capture.line
     summary = Summary(line.character_ns)
     ledger = Ledger(line, options) if filter is None else None  # a part of a bus tells no story
+    failures = Failures()
     stream = analyse(observed(capture, stop=stop), options)
     if filter is not None:
         from ..filters.evaluation import filtered
@@ -297,8 +302,9 @@ def summarize(
         if spans is not None:
             rates.feed(analysed.batch.rows, bit_times(spans, analysed.batch.rows))
         marks += _marks(notes, analysed.batch.rows)
-        if ledger is not None:
-            ledger.feed(analysed.batch, analysed.transactions)
+        if ledger is not None and CAUSES not in failures:
+            with failures.contained(CAUSES):
+                ledger.feed(analysed.batch, analysed.transactions)
         if watch is not None:
             watch(analysed)
         if values is not None:
@@ -311,10 +317,13 @@ def summarize(
         report = replace(report, values=values.values())
     if ledger is None:
         return replace(report, filter="" if filter is None else filter.text)
-    ledger.close()
-    if values is not None:
-        ledger.breaches = values.breaches()
-    return with_story(report, ledger)
+    if CAUSES not in failures:
+        with failures.contained(CAUSES):
+            ledger.close()
+            if values is not None:
+                ledger.breaches = values.breaches()
+            return with_story(report, ledger)
+    return replace(report, failed=report.failed + failures.parts)
 
 
 def with_cards(report: Report, ledger: Ledger) -> Report:
@@ -334,7 +343,7 @@ def with_story(report: Report, ledger: Ledger) -> Report:
     causes = tuple(story.causes)
     explained = tuple(explained_row(row, causes) for row in report.findings)
     return replace(with_cards(report, ledger), causes=causes, not_explained=tuple(story.not_explained),
-                   polls=poll_rows(ledger), findings=explained)  # fmt: skip
+                   polls=poll_rows(ledger), findings=explained, failed=report.failed + story.failed)  # fmt: skip
 
 
 def _marks(notes: Notes, rows: Rows) -> Iterator[BookmarkRow]:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from functools import cache
+from inspect import isfunction
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol, TypeVar
 
@@ -213,7 +214,7 @@ class Rule:
 
 
 _L = TypeVar("_L", bound=Callable[..., Any])
-_looks: list[Callable[..., Any]] = []
+_looks: dict[Callable[..., Any], tuple[Rule, ...]] = {}
 _RULES: Final = Registry[Rule]("analyzer.diagnosis.rules", "rule")
 
 
@@ -223,7 +224,7 @@ def looks_for(*declared: Rule) -> Callable[[_L], _L]:
     def enter(look: _L) -> _L:
         for rule in declared:
             _RULES.enter(rule.code, rule)
-        _looks.append(look)
+        _looks[look] = declared
         return look
 
     return enter
@@ -245,6 +246,12 @@ def all_looks() -> tuple[Callable[..., Any], ...]:
     """All looks as they are declared: functions, and classes that remember."""
     rules()
     return tuple(_looks)
+
+
+def codes_of(look: FindingLook) -> str:
+    """The codes of what a look finds, as one text."""
+    declared = _looks[look if isfunction(look) else type(look)]
+    return ", ".join(rule.code for rule in declared)
 
 
 def fresh_looks() -> list[FindingLook]:

@@ -29,6 +29,7 @@ ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is
 LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but another's
 LATE_NS: Final = 3_000_000_000  # and so long at least: not every tap tells how long the master waits
 LONGEST_NS: Final = 120_000_000_000  # nobody waits longer for an answer, though nothing else is asked meanwhile
+PATIENCE_NS: Final = 1_000_000_000  # as clients usually wait, until it shows how long this one does
 NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once
@@ -107,6 +108,7 @@ class Transactions:
     _octets: int
     _places: NDArray[np.int64]
     _repeats: NDArray[np.bool_]
+    _waited_ns: int
 
     def __init__(self) -> None:
         self._open = TransactionRows.zeros(0)
@@ -116,6 +118,7 @@ class Transactions:
         self._frames = 0
         self._octets = 0  # on the bus so far, all ports together
         self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends
+        self._waited_ns = LONGEST_NS  # for answers that did not come, at the least
         self._repeats = np.zeros(0, np.bool_)  # of the open requests over TCP: whether the one before asked the same
 
     def feed(self, batch: Batch) -> TransactionRows:
@@ -156,6 +159,11 @@ class Transactions:
         return self._settle(count)
 
     @property
+    def patience_ns(self) -> int:
+        """How long the client waits for an answer: by requests that got none before the next one."""
+        return PATIENCE_NS if self._waited_ns == LONGEST_NS else self._waited_ns
+
+    @property
     def open_from(self) -> int | None:
         """Index of the first request that is not settled."""
         return int(self._open.request[0]) if len(self._open) else None
@@ -173,6 +181,8 @@ class Transactions:
             self._failed = bool(failed[-1])
         silent = settled.status == Status.UNANSWERED
         settled.garbage[~silent] = 0
+        waited = (settled.t_next_ns - settled.t_request_ns)[silent & (settled.t_next_ns != NEVER)]
+        self._waited_ns = int(waited.min(initial=self._waited_ns))
         settled.t_next_ns[~silent & (settled.status != Status.DAMAGED) & ~settled.late] = NEVER
         self._places, self._repeats = self._places[count:].copy(), self._repeats[count:].copy()
         return settled

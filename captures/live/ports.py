@@ -127,7 +127,7 @@ def open_tap(settings: PortSettings, *, blocking: bool = False) -> Tap:
     kinds = {"socket": SocketTap, "rfc2217": PortServerTap}
     scheme = settings.url.partition("://")[0].lower()
     if scheme not in kinds:
-        schemes = ", ".join(f"{name}://HOST:PORT" for name in kinds)
+        schemes = ", ".join([*(f"{name}://HOST:PORT" for name in kinds), "tap://HOST"])  # that is no port of a machine
         raise PortError(f"{settings.url}: cannot listen to {scheme}://: use a serial device or {schemes}")
     return kinds[scheme](settings, blocking=blocking)
 

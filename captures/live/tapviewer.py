@@ -245,6 +245,8 @@ class TapViewer:
         except (OSError, ValueError, WireError) as error:
             reason = os_reason(error) if isinstance(error, OSError) else str(error)
             results.put(PortError(f"{address.url}: no tap there: {reason}{self._remedy(error)}"))
+        except Exception as error:  # whoever waits for the result would wait for ever
+            results.put(PortError(f"{address.url}: cannot be opened: {type(error).__name__}: {error}"))
         if tap is not None:
             with suppress(OSError):
                 tap.connection.close()

@@ -48,6 +48,11 @@ class PortEvent:
 Item = Block | Tick | PortEvent
 
 
+def heard_until(item: Item) -> int:
+    """Until when was listened, ns, once an item came."""
+    return int(item.t_ns[-1]) if isinstance(item, Block) else item.t_ns
+
+
 class WireError(CaptureError):
     """Bytes that are no records, in one line: whoever sent them is not to be trusted any further."""
 

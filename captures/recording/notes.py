@@ -41,9 +41,6 @@ _SCHEMA: Final = {
 }
 
 
-MARK: Final = "mark"  # the kind of a note that a user set while it was recorded
-
-
 @dataclass(frozen=True, slots=True)
 class Note:
     """Something that happened at `t_ns`; `kind` is one word, such as `lost` or `gap`."""

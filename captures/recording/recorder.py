@@ -22,6 +22,7 @@ from ..files import refuse_device_name
 from ..line import LineSettings
 from .mcapfile import FileIdentity, RecordingFile, file_identity
 from .mending import FULL, mend_cut
+from .notekinds import CLOSED
 from .notes import Note
 from .ring import SUFFIX, Ring, RingLimits
 
@@ -195,8 +196,13 @@ class Recorder:
         self._line = self._line_due
         self._commit()
 
-    def close(self) -> None:
-        """Put all on the disk and finish the file. What a full disk keeps from it is told, and the file is readable."""
+    def close(self, heard_ns: int | None = None) -> None:
+        """Put all on the disk and finish the file. What a full disk keeps from it is told, and the file is readable.
+
+        `heard_ns`: until when was listened; silence behind the last bytes is a fact of the record, too.
+        """
+        if heard_ns is not None:
+            self.note(Note(heard_ns, CLOSED, "listening ended"))
         self._line_known = True
         self._take_settings()
         self._commit()

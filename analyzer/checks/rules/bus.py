@@ -33,18 +33,15 @@ COMPARE: Final[dict[str, Callable[[Any, Any], Any]]] = {"<": lt, "<=": le, ">": 
 
 @dataclass
 class _Answered:
-    """Where polls were that nobody answered; the report counts them. The capture's end may cut the last one off."""
+    """Where polls were that nobody answered; the report counts them."""
 
     unit: int | None
 
     def __post_init__(self) -> None:
         self._breaches, self._without_echoes = Breaches(), Breaches()
         self._held = TransactionRows.zeros(0)  # the last one: the next may be the same once more
-        self._silent: int | None = None  # the newest request without an answer
-        self._last = -1
 
     def feed(self, checked: CheckedBatch) -> None:
-        self._last = max(self._last, int(checked.batch.rows.index.max(initial=-1)))
         polls = TransactionRows.joined((self._held, checked.transactions))
         echoes = np.isin(polls.request, checked.findings.index[of_echoes(checked.findings)])
         self._held = polls[-1:]
@@ -59,8 +56,6 @@ class _Answered:
                 np.flatnonzero(which),
                 lambda number: _breach(polls, number, page_words(_FATE[Status(int(polls.status[number]))])),
             )
-        for newest in np.flatnonzero(bad)[-1:]:
-            self._silent = int(polls.request[newest]) if polls.status[newest] == Status.UNANSWERED else None
 
     def verdict(self, report: Report) -> RuleResult:
         self._take(self._held, np.zeros(len(self._held), np.bool_))
@@ -72,16 +67,10 @@ class _Answered:
         places, more = breaches.told
         polls = counts.requests - counts.broadcasts - counts.unheard
         tail = ""
-        if self._silent is not None and self._silent == self._last:
-            count, polls, tail = (
-                count - 1,
-                polls - 1,
-                page_words("; the last one was still open when the capture ended"),
-            )
-            ended = [breach.index for breach in places].count(self._silent)
-            places, more = tuple(breach for breach in places if breach.index != self._silent), more - (not ended)
-        if counts.unheard:
-            tail += page_words("; {count:,} more while nothing was received", count=counts.unheard)
+        if counts.unheard and report.deaf:
+            tail = page_words("; {count:,} more while nothing was received", count=counts.unheard)
+        elif counts.unheard:
+            tail = page_words("; the last one was still open when the capture ended")
         words = page_words("no polls seen")
         if polls:
             words = page_words("{some:,} of {all:,} polls answered", some=polls - count, all=polls) + tail

@@ -18,7 +18,7 @@ from ...languages import field_name, page_words, wording
 from ...tables.batch import Batch, Frame, adu_of, rows_of_findings
 from ...tables.findings import Finding, Findings, describe
 from ...tables.schema import Kind, Protocol
-from ...words import between
+from ...words import between, shortened
 from .charts import TroubleBins
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def _cells(fields: tuple[Field, ...], data: bytes, marks: range) -> tuple[FieldC
     for field in fields:
         span = range(field.start, field.start + field.length)
         octets = tuple(Octet(f"{data[i]:02X}", i in marks) for i in span[:_BYTES])
-        text = field.text if len(field.text) <= _TEXT else field.text[: _TEXT - 1] + "…"
+        text = shortened(field.text, _TEXT)
         problem = field.problem or ""
         cells.append(
             FieldCell(field_name(field.name).replace("_", " "), octets, len(span) - len(octets), text, problem)

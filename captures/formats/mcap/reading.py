@@ -20,7 +20,7 @@ from ...limits import TIME_LIMIT
 from ...line import LineSettings
 from .channel import UNDECLARED, TopicMessage, block_of, channel_in, messages_in
 from .protobuf import ENCODING
-from .records import METADATA, TOPIC, DamagedRecordError, one_line, records_in
+from .records import MAGIC, METADATA, TOPIC, DamagedRecordError, one_line, records_in
 from .scanning import FileBytes, Loss, ScannedRecord, read_summary, stream_of, walk
 
 if TYPE_CHECKING:
@@ -69,7 +69,11 @@ class _McapSource:
 def read_source(path: Path) -> _McapSource:
     """The raw chunks of a file; CaptureError where it has none."""
     with opened(path) as file:
-        settings = _settings(FileBytes(file))
+        data = FileBytes(file)
+        begins = data.read(0, len(MAGIC)) == MAGIC
+        settings = _settings(data)
+    if settings is None and not begins:
+        raise CaptureError(f"{path}: not an MCAP file, or damaged at its beginning")
     if settings is None:
         raise CaptureError(
             f"{path}: an MCAP file without raw bytes (no channel {TOPIC}): it was not recorded or exported by "
