@@ -21,6 +21,7 @@ Spans = Mapping[int, Sequence[tuple[int, int]]]  # by port: stretches of its str
 Times = Sequence[tuple[int, int]]  # stretches of time in ns, both ends in them, in order
 _PORTS: Final = 256
 _LISTS: Final = (PROTOCOLS_NOTE, DIRECTIONS_NOTE)  # notes of a line that hold a word a port
+_SETTINGS: Final = "baud", "char_bits", "parity", "stop_bits", "tap"
 
 
 def shifted(capture: Capture, by_ns: int) -> Capture:
@@ -59,6 +60,12 @@ def merged(captures: Sequence[Capture], names: Sequence[str] = ()) -> Capture:
     return Capture(_Merged(tuple(captures), tuple(firsts), line, captures[0].timed))
 
 
+def unlike_settings(captures: Sequence[Capture]) -> list[str]:
+    """Which settings captures do not share, by their names in `LineSettings`: `merged` leaves these out."""
+    lines = [capture.line for capture in captures]
+    return [name for name in _SETTINGS if any(getattr(line, name) != getattr(lines[0], name) for line in lines)]
+
+
 def _made(source: _Shifted | _CutToSpans | _CutToTimes, capture: Capture) -> Capture:
     return Capture(source, path=capture.path, format=capture.format, notices=capture.notices)
 
@@ -72,11 +79,8 @@ def _common_line(
 ) -> LineSettings:
     """The settings on which all agree, their notes, and the names of the ports."""
     lines = [capture.line for capture in captures]
-    agreed = {
-        name: getattr(lines[0], name)
-        for name in ("baud", "char_bits", "parity", "stop_bits", "tap")
-        if all(getattr(line, name) == getattr(lines[0], name) for line in lines)
-    }
+    unlike = unlike_settings(captures)
+    agreed = {name: getattr(lines[0], name) for name in _SETTINGS if name not in unlike}
     notes: dict[str, str] = {}
     for line, first in zip(lines, firsts, strict=True):
         for key, value in line.notes.items():

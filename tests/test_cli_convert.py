@@ -160,6 +160,14 @@ def test_merged_by_time_with_names_and_mended_clocks(capsys: pytest.CaptureFixtu
     assert (both.line.baud, both.line.notes["port 0"], both.line.notes["port 1"]) == (9600, "plc", "meter")
 
 
+@pytest.mark.usefixtures("folder")
+def test_a_merge_tells_which_settings_it_leaves_out(capsys: pytest.CaptureFixture[str]) -> None:
+    captures.write("other.jsonl", polls(2), line=LineSettings(baud=19200, char_bits=11, parity="O"))
+    done = ran(capsys, "convert", "bus.jsonl", "other.jsonl", "-o", "both.mcap")
+    assert (done.status, captures.open("both.mcap").line.baud) == (0, None)
+    assert "differ in --baud, --parity;" in done.err
+
+
 @given(st.lists(READS, min_size=1, max_size=4))
 @settings(max_examples=60, deadline=None)
 def test_a_merge_holds_every_read_once_in_each_ones_order(several: list[list[Chunk]]) -> None:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _SECONDS: Final = 5.0
 _MOST_SECONDS: Final = 1e6
+_OPTIONS: Final = {"baud": "--baud", "char_bits": "--bits", "parity": "--parity", "stop_bits": "--stop"}
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
 rtuscope convert bus.jsonl -o bus.mcap
@@ -94,6 +95,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write it."""
     import captures
+    from captures.editing import unlike_settings
 
     from ..core import observed
 
@@ -129,6 +131,8 @@ def run(arguments: argparse.Namespace) -> int:
         return INTERRUPTED if stopped else NO_FRAME
     if lost := _lost(edited, chosen, written):
         tell_user(f"{arguments.output}: this format cannot store {', '.join(lost)}")
+    if unlike := [_OPTIONS[name] for name in unlike_settings(opened) if name in _OPTIONS]:
+        tell_user(f"{arguments.output}: the captures differ in {', '.join(unlike)}; give these where you read it")
     line = f"{arguments.output}: {captured_words(written.reads, written.bytes)}"
     print(harmless(line), file=sys.stderr if to_stdout else sys.stdout)
     if stopped:
