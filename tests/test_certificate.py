@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from running import ran, refused
 
 from analyzer.cli import main
-from analyzer.reports.certificate import default_limits, load_limits
+from analyzer.reports.certificate import certify, default_limits, load_limits
 from analyzer.reports.certificate.bounds import (
     at_most,
     below,
@@ -25,6 +25,9 @@ from analyzer.reports.certificate.bounds import (
 )
 from analyzer.reports.certificate.claims import FAIL, MARGINAL, PASS, UNKNOWN, Claim, worst
 from analyzer.reports.certificate.limits import ClaimLimit
+from analyzer.reports.certificate.model import not_shown
+from analyzer.simulation.field.cases.registry import field_cases
+from captures.chunks import Capture
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
 
@@ -271,3 +274,12 @@ def test_no_frame_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert main(["certify", str(path)]) == 1
     assert "no Modbus frame" in capsys.readouterr().err
     assert LineSettings(baud=9600, char_bits=11).character_ns
+
+
+def test_what_the_tap_lost_fails_no_line() -> None:
+    made = field_cases()["tap-loses"].capture("precise", 6)
+    certificate = certify(Capture.of(made.line, made.chunks), default_limits())
+    spoilt = [claim for claim in certificate.claims if claim.claim in ("lost", "damaged") and claim.hits]
+    assert spoilt and {claim.verdict for claim in spoilt} == {UNKNOWN}
+    assert certificate.verdict == UNKNOWN and not any(map(certificate.longer_ns, spoilt))
+    assert any("the tap's doing" in sentence for sentence in not_shown(certificate))

@@ -1,7 +1,8 @@
 """Claims about a line and its units, each with its bounds and what they carry.
 
 `pass`: the upper bound is not above what passes. `fail`: the lower bound is above what fails. Between these a claim is
-`marginal`, or `unknown` where even faultless exchanges, as many as were seen, could not have passed it.
+`marginal`, or `unknown` where even faultless exchanges, as many as were seen, could not have passed it, or where what
+speaks against it may be the tap's own doing.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from ...causes.registry import Cause
 from ...tables.bins import Histogram
 from ...tables.schema import bounds_of
 from ..model import Counts, Report, UnitCard
@@ -23,6 +25,8 @@ MARGINAL: Final = "marginal"
 FAIL: Final = "fail"
 UNKNOWN: Final = "unknown"
 WORST_FIRST: Final = (FAIL, MARGINAL, UNKNOWN, PASS)
+_LIKELY: Final = 0.5
+_OF_A_TAP: Final = "lost", "damaged"  # claims that a tap's own faults can spoil
 _BIN: Final = 0.005  # by which a time that is read from a histogram may be wrong
 
 
@@ -44,10 +48,15 @@ class Claim:
     needed: int
     seen: int
     hits: int | None = None
+    tap_at_fault: bool = False  # so that nothing that is missing or damaged tells of the line
 
     @property
     def verdict(self) -> str:
         """One of `WORST_FIRST`."""
+        verdict = self._of_the_bounds()
+        return UNKNOWN if self.tap_at_fault and verdict != PASS else verdict
+
+    def _of_the_bounds(self) -> str:
         if self.low is not None and self.low > self.limit.fails:
             return FAIL
         if self.high is not None and self.high <= self.limit.passes:
@@ -102,7 +111,14 @@ def claims_of(report: Report, tally: AcceptanceTally, limits: AcceptanceLimits) 
         made += _shares(unit, counts, limits)
         made.append(_damaged(unit, counts, card, limits))
         made.append(_response(unit, tally.times.get(unit), report, limits))
-    return tuple(made)
+    tap_at_fault = fault_of_tap(report) is not None
+    return tuple(replace(claim, tap_at_fault=tap_at_fault and claim.claim in _OF_A_TAP) for claim in made)
+
+
+def fault_of_tap(report: Report) -> Cause | None:
+    """What a tap did to the capture, where that is more likely than not."""
+    likely = (cause for cause in report.causes if cause.confidence >= _LIKELY)
+    return next((cause for cause in likely if cause.cause.startswith("tap-")), None)
 
 
 def _heard(counts: Counts, last_open: bool) -> Counts:

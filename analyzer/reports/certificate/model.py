@@ -15,7 +15,7 @@ from .. import summarize
 from ..hashes import capture_sha256
 from ..heads import head_json, line_json
 from ..model import Report
-from .claims import UNKNOWN, Claim, claims_of, worst
+from .claims import UNKNOWN, Claim, claims_of, fault_of_tap, worst
 from .limits import AcceptanceLimits
 from .tally import AcceptanceTally
 
@@ -60,7 +60,7 @@ class Certificate:
     def longer_ns(self, claim: Claim) -> int | None:
         """How long a capture must be, at this one's pace, for a claim to be able to pass; None where nobody can say."""
         span = self.report.span_ns
-        if claim.verdict != UNKNOWN or not span or not 0 < claim.seen < claim.needed:
+        if claim.verdict != UNKNOWN or claim.tap_at_fault or not span or not 0 < claim.seen < claim.needed:
             return None
         if claim.value is not None and claim.value > claim.limit.passes:
             return None  # more of the same would not pass
@@ -103,6 +103,8 @@ def not_shown(certificate: Certificate) -> Iterator[str]:
     report = certificate.report
     if report.partial:
         yield page_words("Reading stopped early: the claims cover the part read.")
+    if (fault := fault_of_tap(report)) is not None:
+        yield page_words("What is lost or damaged may be the tap's doing: {cause}", cause=fault.text)
     if certificate.sha256 is None:
         yield page_words("The capture is not a file, so it has no hash.")
     if not report.timed:
