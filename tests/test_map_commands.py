@@ -194,3 +194,19 @@ def test_requests_that_the_device_does_not_take_are_told(tmp_path: Path, capsys:
         "written by function 06, the device takes only 16",
         "1 of its 2 registers were written alone",
     ]
+
+
+def test_values_that_read_the_same_registers_alike_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "own.csv"
+    path.write_text("area,address,name,type,scale\nholding,0,A,u16,1\nholding,0,B,u16,1\nholding,0,C,u16,0.1\n")
+    assert "overlap: holding 0: both 'A' and 'B'" in ran(capsys, "map", "check", path).out.splitlines()
+
+
+def test_the_table_of_a_maker_is_sent_to_the_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "maker.csv"
+    path.write_text("name;address;type\nA;0;u16\nB;1;u16\n")
+    assert "`rtuscope map import`" in refused(capsys, "map", "show", path)
+    assert ran(capsys, "map", "import", path, "-o", tmp_path / "own.csv").status == 0
+    own = (tmp_path / "own.csv").read_text().replace("u16", "u61", 1)
+    (tmp_path / "own.csv").write_text(own)
+    assert "map import" not in refused(capsys, "map", "show", tmp_path / "own.csv")

@@ -58,7 +58,7 @@ class MapRemark:
 
 
 def overlaps(chart: RegisterMap) -> list[str]:
-    """Values of a map that share registers without being the same ones, in words."""
+    """Values of a map that share registers, in words; what reads the same ones in another way is another view."""
     lines = []
     rows = sorted((row for row in chart.rows), key=lambda row: (row.area, row.address, row.length))
     for low, after in pairwise(rows):
@@ -67,7 +67,15 @@ def overlaps(chart: RegisterMap) -> list[str]:
             words = "{place}: {inner!r} lies within {outer!r} ({first} to {last})"
             within = {"inner": after.name, "outer": low.name, "first": low.address, "last": low.end - 1}
             lines.append(register_words(words, place=place, **within))
+        elif _reading_of(low) == _reading_of(after):
+            words, place = "{place}: both {first!r} and {second!r}", place_words(low.area, low.address)
+            lines.append(register_words(words, place=place, first=low.name, second=after.name))
     return lines
+
+
+def _reading_of(row: MappedValue) -> tuple[object, ...]:
+    """What is read, and how, whatever it is called."""
+    return row.area, row.address, row.type, row.length, row.order, row.scale, row.offset, row.values, row.written_by
 
 
 def check_map(readings: RegisterReadings, charts: Mapping[int, RegisterMap]) -> list[MapRemark]:

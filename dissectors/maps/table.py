@@ -42,6 +42,8 @@ HEADER_KEYS: Final = (
 _NUMBER: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", re.IGNORECASE)
 _FORMULA: Final = re.compile(rf"(^|[;\t])('*[{re.escape(''.join(FORMULA_STARTS))}])")
 _NEEDED: Final = ("address", "name")
+_WRITTEN: Final = frozenset({"area", "address", "name", "type"})  # columns that `write_table` writes always
+_OTHERS: Final = "`rtuscope map import` reads the tables of makers and other programs"
 
 
 def read_table(text: str, file: str) -> RegisterMap:
@@ -59,7 +61,7 @@ def read_table(text: str, file: str) -> RegisterMap:
             begin = number
             break
     if begin == len(lines) or lines[begin].lstrip()[:1] in ("{", "["):
-        raise MapError(f"{file}: not a table: expected a row of column names (address, name, type ...)")
+        raise MapError(f"{file}: not a table: expected a row of column names (address, name, type ...): {_OTHERS}")
     delimiter = max(",;\t", key=lines[begin].count)
     numbered = ((begin + number, row) for number, row in csv_rows(lines[begin:], delimiter, file))
     _, names = next(numbered)
@@ -67,8 +69,13 @@ def read_table(text: str, file: str) -> RegisterMap:
     for needed in _NEEDED:
         if needed not in columns:
             present = one_line(", ".join(filter(None, columns)))[:200]
-            raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: choose from {present}")
-    return assembled(header, _cells_by_column(numbered, columns), file)
+            raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: choose from {present}: {_OTHERS}")
+    try:
+        return assembled(header, _cells_by_column(numbered, columns), file)
+    except MapError as error:
+        if _WRITTEN.issubset(columns):
+            raise
+        raise MapError(f"{error}: {_OTHERS}") from error
 
 
 def csv_rows(lines: Sequence[str], delimiter: str, file: str) -> Iterator[tuple[int, list[str]]]:
@@ -88,8 +95,7 @@ def write_table(chart: RegisterMap) -> str:
         out.write(_csv_cell(_guarded(f"# {one_line(key.replace(':', ' '))}: {one_line(value)}")) + "\n")
     rows = [cells_of(row, chart.word_order) for row in chart.rows]
     extra = dict.fromkeys(name for row in rows for name in row if name not in COLUMN_NAMES)
-    always = ("area", "address", "name", "type")
-    wanted = [name for name in COLUMN_NAMES if name in always or any(row[name] for row in rows)]
+    wanted = [name for name in COLUMN_NAMES if name in _WRITTEN or any(row[name] for row in rows)]
     for cells in ({name: name for name in (*wanted, *extra)}, *rows):
         out.write(",".join(_csv_cell(_guarded(cells.get(name, ""))) for name in (*wanted, *extra)) + "\n")
     return out.getvalue()
