@@ -100,6 +100,13 @@ def test_steps_are_added_up_where_as_times_they_would_run_back(tmp_path: Path, f
     assert not any("plus" in notice for notice in rising.notices)
 
 
+def test_steps_may_stand_behind_the_text(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    reads = zip([REQUEST, ANSWER] * len(STEPS_MS), STEPS_MS, strict=False)
+    path.write_text("".join(f"link {{ data: <Buffer {data.hex(' ')}>, unit: 1 }} +{ms}ms\n" for data, ms in reads))
+    assert steps(captures.open(path)) == [1000 * ms for ms in STEPS_MS[1:]]
+
+
 def test_numbers_before_marks_are_milliseconds_unless_they_count_lines(tmp_path: Path) -> None:
     capture = opened(tmp_path, [f"{1023 + ms}:" for ms in accumulate(STEPS_MS)])
     assert steps(capture) == [1000 * ms for ms in STEPS_MS[1:]]

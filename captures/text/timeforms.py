@@ -137,6 +137,8 @@ ANYWHERE: Final = _forms(  # never of an even number of digits, as bytes in hex 
     (":", r"(?<![\w:.])(?P<days>\d{1,3}):(?P<h>[0-2]\d):(?P<mi>[0-5]\d):(?P<s>[0-5]\d)\.(?P<f>\d{1,6})(?![\w.])",
      0, _COUNT),
     ("[", r"(?<=[:\s]\[)\s*(?P<n>\d{1,7})\.(?P<f>\d{6})\](?=\s)", SECOND_NS, _BARE),  # of a kernel
+    # behind the text, as the loggers of JavaScript write it
+    ("+", rf"(?<=\s)(?P<sign>\+)(?P<n>\d{{1,9}})(?:\.(?P<f>\d{{1,9}}))? ?{_UNIT}\s*$", 0, _COUNT),
     ("1", rf"(?<![\w.]){_EPOCH}(?:\.(?P<f>\d{{1,9}})|(?P<more>\d{{3}}|\d{{9}}))(?![\w.])", SECOND_NS, _WHOLE),
     ("=", rf"(?<![\w.\"']){_TIME}=\+?(?P<n>\d{{1,18}})(?:\.(?P<f>\d{{1,9}}))? ?{_UNIT}(?![\w.])", 0, _MAYBE),
     ("=", rf"(?<![\w.\"']){_TIME}=\+?(?P<n>\d{{1,10}})\.(?P<f>\d{{1,9}})(?![\w.])", SECOND_NS, _MAYBE),
