@@ -211,8 +211,8 @@ def _lost(capture: Capture, chosen: Format, written: _Written) -> list[str]:
         lost += ["the line's settings"] if capture.line.baud is not None else []
         lost += ["ports"] if written.ports else []
         lost += ["marks of wrong bytes"] if written.errors else []
-    if not keeps_notes(chosen) and (notes := capture.notes()):
-        lost.append("1 note" if len(notes) == 1 else f"{len(notes):,} notes")
+    if not keeps_notes(chosen) and capture.notes():
+        lost.append("notes")
     return lost
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 from ...causes.registry import Cause
 from ...tables.bins import Histogram
 from ...tables.schema import bounds_of
-from ..model import Counts, Report, UnitCard
+from ..model import Counts, Report
 from .bounds import quantile_ranks, share_bounds, trials_for_quantile, trials_for_share
 from .limits import AcceptanceLimits, ClaimLimit
 from .tally import AcceptanceTally
@@ -85,31 +85,30 @@ class Claim:
 
 def worst(verdicts: Iterable[str]) -> str:
     """The verdict of all together; unknown where there are none."""
-    among = set(verdicts)
-    return next((verdict for verdict in WORST_FIRST if verdict in among), UNKNOWN)
+    return min(verdicts, key=WORST_FIRST.index, default=UNKNOWN)
 
 
 def claims_of(report: Report, tally: AcceptanceTally, limits: AcceptanceLimits) -> tuple[Claim, ...]:
     """All claims: those about the line first, then unit by unit."""
-    cards = {card.unit: card for card in report.cards}
+    garbage = {card.unit: card.garbage for card in report.cards}
     units = [
-        (row.unit, _heard(row.counts, tally.open_unit == row.unit), cards.get(row.unit))
+        (row.unit, _heard(row.counts, tally.open_unit == row.unit), garbage.get(row.unit, 0))
         for row in report.units
         if row.counts.requests > row.counts.broadcasts
     ]
-    garbage = sum(card.garbage for _, _, card in units if card is not None)
+    all_garbage = sum(each for _, _, each in units)
     total = _sum(counts for _, counts, _ in units)
     sent = total.requests + tally.damaged_requests
-    damaged = garbage + tally.damaged_requests
+    damaged = all_garbage + tally.damaged_requests
     made = [
         *_shares(None, total, limits),
-        _share("damaged", None, damaged, sent + total.answered + total.exceptions + garbage, limits),
+        _share("damaged", None, damaged, sent + total.answered + total.exceptions + all_garbage, limits),
         _response(None, tally.all_times, report, limits),
         _load(report, tally, limits),
     ]
-    for unit, counts, card in units:
+    for unit, counts, own in units:
         made += _shares(unit, counts, limits)
-        made.append(_damaged(unit, counts, card, limits))
+        made.append(_share("damaged", unit, own, counts.answered + counts.exceptions + own, limits))
         made.append(_response(unit, tally.times.get(unit), report, limits))
     tap_at_fault = fault_of_tap(report) is not None
     return tuple(replace(claim, tap_at_fault=tap_at_fault and claim.claim in _OF_A_TAP) for claim in made)
@@ -117,8 +116,7 @@ def claims_of(report: Report, tally: AcceptanceTally, limits: AcceptanceLimits) 
 
 def fault_of_tap(report: Report) -> Cause | None:
     """What a tap did to the capture, where that is more likely than not."""
-    likely = (cause for cause in report.causes if cause.confidence >= _LIKELY)
-    return next((cause for cause in likely if cause.cause.startswith("tap-")), None)
+    return next((each for each in report.causes if each.cause.startswith("tap-") and each.confidence >= _LIKELY), None)
 
 
 def _heard(counts: Counts, last_open: bool) -> Counts:
@@ -140,11 +138,6 @@ def _shares(unit: int | None, counts: Counts, limits: AcceptanceLimits) -> Itera
     yield _share("lost", unit, lost, counts.requests, limits)
     yield _share("exceptions", unit, counts.exceptions, counts.answered + counts.exceptions, limits)
     yield _share("retries", unit, counts.retries, counts.requests, limits)
-
-
-def _damaged(unit: int, counts: Counts, card: UnitCard | None, limits: AcceptanceLimits) -> Claim:
-    garbage = 0 if card is None else card.garbage
-    return _share("damaged", unit, garbage, counts.answered + counts.exceptions + garbage, limits)
 
 
 def _share(claim: str, unit: int | None, hits: int, of: int, limits: AcceptanceLimits) -> Claim:

@@ -75,7 +75,7 @@ def _seen(claim: Claim) -> str:
 
 
 def _bounds(claim: Claim) -> str:
-    if claim.low is None and claim.high is None:
+    if {claim.low, claim.high} == {None}:
         return "?"
     if claim.limit.timed and claim.low is not None and claim.high is not None:
         return between(round(claim.low), round(claim.high))
