@@ -46,6 +46,14 @@ def test_repeated_broadcasts_are_neither_answered_nor_late_nor_retried(seed: int
     assert [finding.text for finding in found if finding.severity is Severity.ERROR] == []
 
 
+def test_broadcasts_of_a_client_that_pauses_between_none_are_not_answered() -> None:
+    wire = Wire().polls(3)
+    for value in (1, 2, 2, 3, 4, 4, 5):  # a set value that hardly changes
+        wire.silence(15).send(with_crc(f"0006000700{value:02x}"))
+    wire.silence(120)
+    assert "broadcast-answered" not in {code for code, _ in said(diagnosed(wire.polls(3)))}
+
+
 def late(answer: bytes, newest: bytes) -> list[str]:
     """What is said of an answer that comes behind another request."""
     wire = Wire().polls(12).exchange(REQUEST, None).silence(20)

@@ -116,10 +116,19 @@ def is_hasty(before: TransactionColumns, this: TransactionColumns) -> bool:
     return before.status == _UNANSWERED and asks_again(before, this) and soon_behind(before, this)
 
 
+def sent_in_haste(transactions: TransactionRows) -> NDArray[np.bool_]:
+    """Which are broadcasts that no device sent, though right behind another: their client pauses between none."""
+    behind, before = transactions[1:], transactions[:-1]
+    sent = (transactions.unit == 0) & ~transactions.again
+    soon = behind.t_start_ns - before.t_request_ns < HASTE_NS
+    return np.append(False, sent[1:] & sent[:-1] & (behind.request == before.request + 1) & soon)
+
+
 def is_echoed_broadcast(turn: RequestInTurn) -> bool:
     """Whether a broadcast that comes twice came the second time from a device: at once, and neither before nor behind.
 
-    Clients repeat broadcasts, though after a pause, and those that make none send more than two.
+    Clients repeat broadcasts, though after a pause, and those that make none send more than two, or other ones so soon
+    (`sent_in_haste`).
     """
     _, earlier, before, this, behind, quick = turn
     others = (before.again and soon_behind(earlier, before)) or (behind.again and soon_behind(this, behind))
@@ -157,6 +166,7 @@ class Outcomes:
     _echoes_at: list[int]
     _rewritten: set[int]
     _answering: dict[int, int]
+    _hasty_from: float
 
     def __init__(self) -> None:
         self._suspects = TransactionRows.zeros(0)  # odd ones, their neighbours, and the newest
@@ -169,6 +179,7 @@ class Outcomes:
         self._echoes_at = []  # the numbers of further ones
         self._rewritten = set()  # units to which the same write went twice in a row, answered each time
         self._answering = {}  # units, and the number of the first request that each answered
+        self._hasty_from = np.inf  # the number of the first broadcast that the client sent right behind another
 
     @property
     def open_from(self) -> int | None:
@@ -201,6 +212,9 @@ class Outcomes:
         for unit in where(np.bincount(units[answered])).tolist():
             if unit not in self._answering:
                 self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
+        known = TransactionRows.joined((self._suspects[-1:], view.transactions))
+        hasty = where(sent_in_haste(known)) + self._requests - min(len(self._suspects), 1)
+        self._hasty_from = min([self._hasty_from, *hasty[:1]])
         self._suspects = TransactionRows.joined((self._suspects, view.transactions[chosen]))
         self._numbers = np.concatenate((self._numbers, chosen + self._requests))
         self._requests += len(status)
@@ -268,7 +282,8 @@ class Outcomes:
         if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
             return NO_RESPONSE if this.status == _UNANSWERED else None
         if this.again and this.unit == 0:
-            return BROADCAST_ANSWERED if is_echoed_broadcast(turn) else None
+            hasty = self._hasty_from <= this.number + 1  # as far as it is known wherever batches end
+            return BROADCAST_ANSWERED if is_echoed_broadcast(turn) and not hasty else None
         if this.again and this.status != _UNANSWERED:
             self._rewritten.add(this.unit)
         elif this.again and self._second_echo(turn):
