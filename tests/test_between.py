@@ -134,6 +134,7 @@ def test_bytes_pass_unchanged_both_ways_at_once():
         assert got["client"] == back
         os.close(client)
         os.close(reader)
+        said_until(process, "listening")  # from then on it heeds signals, whatever a background job inherits
 
 
 def test_directions_are_certain_and_all_is_recorded(tmp_path):

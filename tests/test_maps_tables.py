@@ -10,8 +10,8 @@ import pytest
 from oddmaps import OddFile, check_import
 from running import refused
 
-from dissectors.maps import MapError
-from dissectors.maps.importers import import_maps
+from dissectors.maps import MapError, lines
+from dissectors.maps.importers import general, import_maps, source
 from dissectors.maps.table import read_table, write_table
 
 
@@ -519,15 +519,21 @@ def test_a_table_of_people(oddity: str) -> None:
     check_import(TABLES[oddity])
 
 
-def test_what_is_read_in_part_is_told() -> None:
-    rows = "".join(f"{at};Value {at};u16\n" for at in range(25_000))
+def test_what_is_read_in_part_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module, limit, least in (
+        (source, "_MOST_ROWS", 2000), (source, "_MOST_LINES", 4000),
+        (general, "_MOST_LINES", 2000), (lines, "_TEXT", 1 << 15),
+    ):  # fmt: skip
+        assert getattr(module, limit) >= 8 * least
+        monkeypatch.setattr(module, limit, least)
+    rows = "".join(f"{at};Value {at};u16\n" for at in range(2500))
     sheets = {
-        "over 20,000 values": "Address;Name;Type\n" + rows,
+        "over 2,000 values": "Address;Name;Type\n" + rows,
         "only the first 100 headings": "Address;Name;Type\n5;A;u16\n" * 300,
         "only the first 100 columns": "Address;Name;Type" + ";" * 200 + "\n5;A;u16\n",
-        "only the first 40,000 rows": "_address;len;factor\n" + "5;1;1\n" * 45_000,
-        "only the first 20,000 rows": "".join(f"{at % 9}: U, u16\n" for at in range(25_000)),
-        "only the first 262,144 characters": "".join(f"{at % 9}: Value, uint16\n" for at in range(19_000)),
+        "only the first 4,000 rows": "_address;len;factor\n" + "5;1;1\n" * 4500,
+        "only the first 2,000 rows": "".join(f"{at % 9}: U, u16\n" for at in range(2500)),
+        "only the first 32,768 characters": "".join(f"{at % 9}: Value of it, uint16\n" for at in range(1700)),
     }
     for note, text in sheets.items():
         (imported,) = import_maps("x.csv", text.encode())
