@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 from livebus import raw_pty
-from running import START, environment, refused
+from running import PATIENCE_S, START, environment, refused
 
 import captures
 from dissectors.crc import crc_bytes
@@ -42,7 +42,7 @@ def between(*arguments: str | Path) -> Iterator[tuple[subprocess.Popen[bytes], s
     finally:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
-        process.communicate(timeout=30)
+        process.communicate(timeout=PATIENCE_S)
 
 
 def said_until(process: subprocess.Popen[bytes], *words: str) -> str:

@@ -13,7 +13,7 @@ import time
 import pytest
 from buses import LINE, adu, spaced
 from livebus import eventually, pty
-from running import START, environment, ran, refused
+from running import PATIENCE_S, START, environment, ran, refused
 
 import captures
 from analyzer.core import Analyzer
@@ -263,7 +263,7 @@ class Terminal:
         while self._look():
             pass
         os.close(self._master)
-        return self.process.wait(10)
+        return self.process.wait(PATIENCE_S)
 
     def _look(self):
         try:

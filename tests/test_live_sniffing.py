@@ -19,7 +19,7 @@ import pytest
 from buses import adu
 from livebus import Running, TeeBus, eventually, pty, raw_pty, served
 from pymodbus.client import ModbusSerialClient
-from running import START, environment, ran, refused
+from running import PATIENCE_S, START, environment, ran, refused
 
 import captures
 from analyzer.cli import main, watching
@@ -110,7 +110,7 @@ def test_mbpoll_is_sniffed_by_a_blocking_read_too():
         with served(bus):
             for kind in ("4", "3", "0"):
                 command = f"mbpoll -m rtu -b 19200 -P none -a 1,2,17 -t {kind} -c 5 -1".split()
-                subprocess.run([*command, bus.client_port], capture_output=True, timeout=30, check=True)
+                subprocess.run([*command, bus.client_port], capture_output=True, timeout=PATIENCE_S, check=True)
         time.sleep(0.2)
         _, out, _ = sniff.ended()
     found = frames(out)
@@ -190,7 +190,7 @@ def test_a_pipe_that_closes_ends_it_and_the_recording_is_whole(tmp_path):
     for _ in range(3):
         os.write(master, REQUEST)
         time.sleep(0.1)
-    assert sniff.process.wait(10) == 0
+    assert sniff.process.wait(PATIENCE_S) == 0
     sniff.stderr.close()
     assert not captures.open(tmp_path / "bus.mcap").damage
 
@@ -239,7 +239,7 @@ def full_pipe():
 def end(process):
     """Tell it to end, which it does by itself."""
     process.send_signal(signal.SIGTERM)
-    process.wait(20)
+    process.wait(PATIENCE_S)
 
 
 def test_an_end_that_does_not_come_is_waited_for_less_than_two_seconds():

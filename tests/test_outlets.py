@@ -13,7 +13,7 @@ import urllib.request
 import pytest
 from buses import adu
 from livebus import Running, eventually, pty
-from running import ran, refused, spawned
+from running import PATIENCE_S, ran, refused, spawned
 
 import analyzer
 import captures
@@ -187,7 +187,7 @@ class Broker:
 
     def stop(self):
         self._process.terminate()
-        self._process.wait(20)
+        self._process.wait(PATIENCE_S)
 
 
 class Subscriber:

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from livebus import pty
-from running import START, environment
+from running import PATIENCE_S, START, environment
 
 import captures
 from captures.chunks import Block, Chunk
@@ -378,5 +378,5 @@ def test_two_recorders_of_two_ports_by_the_command(tmp_path):
     time.sleep(1)
     first.send_signal(2)
     first.stderr.read()
-    assert first.wait(30) == 0
+    assert first.wait(PATIENCE_S) == 0
     assert [held(path) for path in tmp_path.glob("bus-*.mcap")] == [b"\x11\x03\x00\x6b"]

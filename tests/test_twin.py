@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from running import START, environment, ran, refused
+from running import PATIENCE_S, START, environment, ran, refused
 
 import captures
 from analyzer.twin.memory import RecordedAnswer, TwinUnit
@@ -245,7 +245,7 @@ def twin_of(*arguments: str | Path) -> Iterator[str]:
         yield given
     finally:
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, err.decode()
     assert b"answered" in err
 

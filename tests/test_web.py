@@ -24,7 +24,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from running import environment, refused
+from running import PATIENCE_S, environment, refused
 from terminals import posix
 
 from analyzer.cli.open import shell_command
@@ -47,7 +47,7 @@ def served(folder: Path, *arguments: str) -> Iterator[str]:
         yield server.stdout.readline().strip()
     finally:
         server.send_signal(signal.SIGINT)
-        assert server.wait(20) == 0
+        assert server.wait(PATIENCE_S) == 0
 
 
 @pytest.fixture(scope="module")
@@ -323,7 +323,7 @@ def test_a_viewer_ends_with_its_server(tmp_path: Path, ended: signal.Signals) ->
         assert [pid for pid in viewers if running(pid)] == []
     finally:
         server.kill()
-        _, told = server.communicate(timeout=20)
+        _, told = server.communicate(timeout=PATIENCE_S)
     assert told.splitlines() == ["rtuscope: open this address in a browser; press Ctrl-C to stop"]
 
 

@@ -90,8 +90,8 @@ def test_a_pipe_into_tshark(tmp_path):
             poll(bus.client_port)
             assert eventually(lambda: len(fields(out, *FRAMES)) >= len(bus.frames()), 20)
             sniff.process.send_signal(signal.SIGTERM)
-            tshark.wait(20)
-        sniff.process.wait(20)
+            tshark.wait(PATIENCE_S)
+        sniff.process.wait(PATIENCE_S)
         said = bus.frames()
     rows = fields(out, "-Y", "mbrtu", "-e", "_ws.col.Source", "-e", "_ws.col.Destination")
     assert rows == [["0.0.1.0", "0.0.0.17"] if d == "request" else ["0.0.0.17", "0.0.1.0"] for d, _ in said]
