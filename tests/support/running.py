@@ -13,7 +13,7 @@ import pytest
 
 from analyzer.cli import main
 
-PATIENCE_S: Final = 600.0  # for what must come: tests state what comes, not how fast this machine is today
+PATIENCE_S: Final = 240.0  # for what must come: tests state what comes, not how fast this machine is today
 START = "import sys; from analyzer.cli import main; sys.exit(main())"
 ROOT = Path(__file__).resolve().parents[2]
 
