@@ -12,8 +12,11 @@ from pathlib import Path
 import pytest
 from packets import End, Packet, Talk, framed, names, pcap, read_answer, read_request, udp_packet
 
+import analyzer.paste
 import captures
 from captures import Capture, CaptureError, Mark
+from captures.text.judging import ByteJudge, no_judge
+from dissectors.crc import crc_bytes
 
 CLIENT, SERVER = ("10.0.0.1", 50001), ("10.0.0.9", 502)
 EXPECTED = [part for n in range(4) for part in ((Mark.TX, read_request(n)), (Mark.RX, read_answer(n)))]
@@ -41,10 +44,10 @@ class Datagrams:
         return self
 
 
-def opened(folder: Path, packets: list[Packet], link: int = 1) -> Capture:
+def opened(folder: Path, packets: list[Packet], link: int = 1, judge: ByteJudge = no_judge) -> Capture:
     path = folder / "net.pcap"
     path.write_bytes(pcap(packets, link))
-    return captures.open(path)
+    return captures.open(path, judge=judge)
 
 
 def said(capture: Capture, port: int = 0) -> list[tuple[Mark, bytes]]:
@@ -111,6 +114,19 @@ def test_other_datagrams_are_left_out(tmp_path: Path) -> None:
     assert names(capture) == {"port 0": "10.0.0.1 > 10.0.0.9:502"}
     with pytest.raises(CaptureError, match=r"no Modbus over UDP: 10 packets of UDP without Modbus"):
         opened(tmp_path, dns.packets)
+
+
+def test_rtu_in_datagrams_is_told_by_its_check_values(tmp_path: Path) -> None:
+    gateway = Datagrams(server=("10.0.0.7", 8899))
+    frames = [body + crc_bytes(body) for body in map(bytes.fromhex, ("110300000002", "11030400070009", "118302"))]
+    for _ in range(4):
+        gateway.put(True, frames[0]).put(False, frames[1]).put(True, frames[0]).put(False, frames[2])
+    dns = Datagrams(server=("10.0.0.53", 53)).put(True, question(1)).put(False, question(1) + bytes(16))
+    capture = opened(tmp_path, gateway.packets + dns.packets, judge=analyzer.paste.judge)
+    assert [data for _, data in said(capture)] == [frames[i] for i in (0, 1, 0, 2)] * 4
+    assert names(capture) == {"port 0": "10.0.0.1 > 10.0.0.7:8899 (UDP)"}
+    with pytest.raises(CaptureError, match="UDP without Modbus"):
+        opened(tmp_path, dns.packets, judge=analyzer.paste.judge)
 
 
 @pytest.mark.skipif(TSHARK is None, reason="tshark is not installed")

@@ -12,7 +12,7 @@ import numpy as np
 from ..chunks import Mark
 from ..line import BY_MARKS, DIRECTIONS_NOTE, PROTOCOLS_NOTE
 from ..recording.notes import Note as LineNote
-from ..text.judging import ByteJudge
+from ..text.judging import ByteJudge, no_judge
 from .blocks import errors_of, note_of
 from .choosing import MBAP, SAMPLE, SAMPLE_BYTES, kind_of, may_begin
 from .neighbours import TLS, neighbour
@@ -205,13 +205,16 @@ def _serial_ports(found: dict[int, int], interfaces: list[Interface]) -> dict[in
 
 def _judge_groups(survey: PacketSurvey, judge: ByteJudge) -> None:
     """What each connection speaks; datagrams that are no Modbus are counted, and left out."""
+    sure = {"tcp", "ascii"}
+    if judge is not no_judge:  # by its check values: answers of DNS, too, begin as they were asked
+        sure.add("rtu")
     for one in survey.groups:
         reads = one.reads
         one.neighbour = neighbour(reads)
         one.kind = None if one.neighbour else kind_of(reads, judge)
-        if one.group.of_datagrams and one.kind != "tcp":  # answers of DNS, too, begin as they were asked
+        if one.group.of_datagrams and one.kind not in sure:
             survey.others[FOREIGN_DATAGRAMS] += one.packets
-    survey.groups = [one for one in survey.groups if one.kind == "tcp" or not one.group.of_datagrams]
+    survey.groups = [one for one in survey.groups if one.kind in sure or not one.group.of_datagrams]
     if not survey.serial and len(survey.groups) == 1 and not survey.groups[0].neighbour:
         survey.groups[0].kind = survey.groups[0].kind or _UNKNOWN  # there is nothing else that could be meant
 
