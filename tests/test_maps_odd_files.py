@@ -321,6 +321,13 @@ text_sensor:
         ["input 102 u16 r In 1 U"],
         "",
     ),
+    "esphome: filters that compute nothing": (
+        "tank.yaml",
+        b"sensor:\n  - {platform: modbus_controller, name: L, address: 3, register_type: read, value_type: U_WORD,\n"
+        b"     filters: [{throttle: 10s}, {multiply: 0.5}, {sliding_window_moving_average: {window_size: 5}}]}\n",
+        ["input 3 u16 x0.5 r L"],
+        "",
+    ),
     "sunspec: sizes that are missing, a mark, a number as text": (
         "model_103.json",
         """\ufeff{"id": "103", "group": {"name": "inv", "points": [{"name": "ID", "type": "uint16"},

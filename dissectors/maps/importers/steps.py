@@ -146,7 +146,7 @@ def _straight(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) 
             factor, more = _line(line.groupdict()) if line else (1.0, 0.0)
             scale, added = scale * factor, added * factor + more
             word = text.partition(" ")[0]
-            notes += [step["else"][word].replace("{}", text[:80])] * (line is None and word in step["else"])
+            notes += [step["else"].get(word, "").replace("{}", text[:80])] * (line is None and word in step["else"])
         yield {**record, "scale": scale, "added": added, "notes": [*record.get("notes", ()), *notes]}
 
 
