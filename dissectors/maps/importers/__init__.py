@@ -18,20 +18,24 @@ from .general import COHERENT, READERS, Reader, coherence, facts_of_all
 from .programs import Program
 from .source import ImportedMap, MapSource
 
-_OF_PROGRAMS: Final = (
-    "sunspec",
-    "wirenboard",
-    "zabbix",
-    "solarman",
-    "homeassistant",
-    "esphome",
-    "modbus_exporter",
-    "modbus_schema",
-    "telegraf",
-    "evcc",
-    "modpoll",
-    "iobroker",
-)
+_OF_PROGRAMS: Final = {  # with what stands in each of their files
+    "sunspec": "group",
+    "wirenboard": "device",
+    "zabbix": "zabbix_export",
+    "solarman": "parameters",
+    "homeassistant": "",
+    "esphome": "modbus_controller",
+    "modbus_exporter": "dataType",
+    "modbus_schema": "expression",
+    "telegraf": "inputs",
+    "evcc": "render",
+    "modpoll": "poll",
+    "iobroker": "_address",
+    "nodered": "modbus-",
+    "openhab": "ValueType",
+    "ignition": "opcItemPath",
+    "openems": "Element(",
+}
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
 _ENOUGH: Final = {"lines": 2.9}  # facts of a row with which a format is not asked
 _FEW: Final = 4  # rows that are enough to say so
@@ -50,8 +54,8 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
     source = MapSource(file, data)
     if name is not None:
         return _read(source, (name,)) or _raised(f"{file}: is not {map_format(name).NAME}")
-    for program in _OF_PROGRAMS:
-        found = _read(source, (program,))
+    for program, sign in _OF_PROGRAMS.items():
+        found = _read(source, (program,) * (sign in source.text))
         if found:
             return found
     try:

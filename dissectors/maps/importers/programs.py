@@ -2,7 +2,8 @@
 
 `NAME.toml` has `paths` to the records, `steps` that are taken with these (`steps`), `fields` (what a map's column is,
 out of which keys of a record), and the program's words for areas, types, orders and rights. A path's steps are keys;
-`{a,b}` any of these, `*` any, `-` the rows of a table, `**` anything between. A key with `^` is one of what a record
+`{a,b}` any of these, `*` any, `-` the rows of a table, or what an expression (`finds`) finds in a text, each with its
+named parts, `**` anything between; no step at all is the list that a file is. A key with `^` is one of what a record
 stands in (`^@`: the key that led to it), `a.b` the one under another, `=x` is x itself, `a+b` both, parted by a blank;
 the first that is there counts. Words are looked up as they stand, then in small letters; `""` is what no known word
 means.
@@ -56,7 +57,8 @@ class Program:
         builders: dict[str, MapBuilder] = {}
         for record in records:
             device, vendor = (" ".join(self._texts(record, key)) for key in ("device", "vendor"))
-            empty = MapBuilder(source.name, device, vendor, self.data.get("order", "ABCD"))
+            order, notes = self.data.get("order", "ABCD"), [*self.data.get("says", ())]
+            empty = MapBuilder(source.name, device, vendor, order, notes=notes)
             _ProgramRow(self.data, builders.setdefault(device, empty), record).add()
         return [builder.built() for builder in builders.values()]
 
@@ -68,11 +70,11 @@ class Program:
         self, source: MapSource, paths: Sequence[Mapping[str, Any]], most: int | None = None
     ) -> Iterator[Record]:
         """The records that paths lead to, among the first `most` that could be."""
-        tree = getattr(source, self.data["reads"])
         for path in paths:
-            way = path["to"].split(".")
-            if not any(key in source.text for key in way[-1].strip("{}*-").split(",")):
+            way = [*filter(None, path["to"].split("."))]
+            if not any(key in source.text for key in "".join(way[-1:]).strip("{}*-").split(",")):
                 continue  # what it leads to is nowhere in the file
+            tree = source.found(self.data["finds"]) if "finds" in self.data else getattr(source, self.data["reads"])
             records = iter(tree) if way == ["-"] else self._walked({"": tree}, ["", *way], {}, 0)
             for record in islice(records, most):
                 where, unless = path.get("where", {}), path.get("unless", {"": ""})

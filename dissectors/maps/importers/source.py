@@ -147,6 +147,11 @@ class MapSource:
         head = {at: name.lower() for at, name in next(rows, {}).items()} | {"row": "row", "line": "line"}
         return ({head.get(at, at): cell for at, cell in row.items() if cell} for row in rows if row["line"].strip())
 
+    def found(self, like: str) -> Iterator[dict[str, str]]:
+        """The named parts of all that is like an expression in the text, those that are missing left out."""
+        said = (match.groupdict() for match in expression(like).finditer(self.text))
+        return ({key: part for key, part in parts.items() if part is not None} for parts in said)
+
     @cached_property
     def xml(self) -> Any:
         """The elements of an XML file, attributes and texts by name, others as lists; none of HTML or with entities."""
@@ -287,7 +292,11 @@ class MapBuilder:
             self.note(f"{what}: {error}")
             return
         twins = self._at.setdefault((row.area, row.address), {})
-        if twins.get(row.name) == row:
+        twin = twins.get(row.name)
+        if twin and replace(twin, access=row.access) == row:  # said again, or once of reading and once of writing
+            access = "".join(sorted({*twin.access, *row.access}))
+            if access != twin.access:
+                self.rows[self.rows.index(twin)] = twins[row.name] = replace(twin, access=access)
             return
         if len(twins) >= _MOST_TWINS:
             self.note(f"{what}: over {_MOST_TWINS} values at {row.area} {row.address}")

@@ -41,7 +41,7 @@ def value_at(record: Mapping[str, Any], key: str) -> Any:
     first, _, rest = key.partition(".")
     inner = record.get(first)
     known = {str(at): one for at, one in enumerate(inner)} if isinstance(inner, list) else inner
-    return known.get(rest) if isinstance(known, Mapping) else None
+    return value_at(known, rest) if isinstance(known, Mapping) else None
 
 
 def _flat(value: Any) -> str:
@@ -78,6 +78,25 @@ def _above(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> 
             yield {**held, **record}
         else:
             held |= {key: record[key] for key in step["keeps"] if key in record}
+
+
+def _keyed(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
+    """What a text says by keys, under these."""
+    for record in records:
+        found = expression(step["like"]).finditer(str(said(record, step["of"]) or "")[:_LONGEST])
+        yield record | {one["key"]: one["value"] for one in found}
+
+
+def _joined(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
+    """The records that have a key, each with what another says that it names: the first that says what is wanted."""
+    rows = [*records]
+    telling = (row for row in rows if step["with"] in row and said(row, step.get("has", ["="])) is not None)
+    others = {str(row[step["with"]]): row for row in telling}
+    for row in rows:
+        names = (str(value_at(row, key)) for key in step["by"])
+        told = next(filter(None, map(others.get, names)), {})
+        new = {key: value for key, value in told.items() if row.get(key) is None}
+        yield from [row | new] * (step["of"] in row)
 
 
 def _listed(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
@@ -134,7 +153,7 @@ def _straight(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) 
         lists = (
             mappings([{key: record[key]}] if key in step["keys"] else record[key])
             for key in step["of"]
-            if key in record
+            if record.get(key) is not None
         )
         texts = [
             " ".join(f"{key} {_flat(value)}".split()) for one in lists for each in one for key, value in each.items()
@@ -243,7 +262,9 @@ _STEPS: Final[Mapping[str, Step]] = {
     "above": _above,
     "also": _also,
     "asked": _asked,
+    "joined": _joined,
     "kept": _kept,
+    "keyed": _keyed,
     "listed": _listed,
     "logical": _logical,
     "pairs": _pairs,
