@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from .model import MapArea
-from .roles import Table, column_cells
+from .roles import Table, column_cells, is_heading
 from .vocabulary import expression, form, meaning, vocabulary
-from .written import access_said, area_words, numbers_in, order_of
+from .written import access_said, area_words, functions_in, numbers_in, order_of
 
 _FEW: Final = 2  # cells of a row that may be a footnote
 _LONGEST: Final = 400  # characters of one
@@ -72,6 +72,20 @@ class Titles:
 def _says_type(sentence: str) -> bool:
     """Whether a sentence says of which type all values are."""
     return bool(form("says_type", sentence) and meaning("typed", sentence))
+
+
+def text_of(row: Sequence[str]) -> str:
+    """The text of a row without values, which commas may have cut."""
+    cells = [*filter(None, row)]
+    return (" ", ", ")[len(cells) > _FEW].join(cells)
+
+
+def is_title(row: Sequence[str]) -> bool:
+    """Whether a row is a title that blanks have cut: it names functions, or an area and its access, and no address."""
+    if "".join(row[:1]) == "" or any(form("place", cell) for cell in row) or is_heading(row):
+        return False
+    text = " ".join(row)
+    return bool(functions_in(text) or (area_words(row[0]) and access_said(text)))
 
 
 def texts_alone(rows: Table) -> list[str]:

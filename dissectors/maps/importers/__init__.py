@@ -37,7 +37,7 @@ _OF_PROGRAMS: Final = {  # with what stands in each of their files
     "openems": "Element(",
 }
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
-_ENOUGH: Final = {"lines": 2.9}  # facts of a row with which a format is not asked
+_ENOUGH: Final = {"lines": 3.7}  # facts of a row with which a format is not asked
 _FEW: Final = 4  # rows that are enough to say so
 FORMATS: Final = (*_OF_PROGRAMS, "own", *_GENERAL)
 
