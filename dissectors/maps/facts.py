@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Final
 
-from .vocabulary import WIDE_SIGNS, expression, form, meet, plain_heading, roles_headed, tidied, vocabulary
+from .vocabulary import WIDE_SIGNS, expression, form, has_met, meet, plain_heading, roles_headed, tidied, vocabulary
 from .written import together
 
 TOLD: Final = ("scale", "unit", "low", "high", "added", "sign", "access", "type")
@@ -57,7 +57,7 @@ def facts_in(text: str, kind: str) -> Facts:
 
 def _said_by(line: Mapping[str, Any], text: str) -> Facts:
     """What a text says by a line of the table of facts; nothing where it is not like it."""
-    match = expression(line["like"]).fullmatch(text)
+    match = expression(line["like"]).fullmatch(text) if has_met(line.get("needs", "")) else None
     if match is None:
         return {}
     parts = {**match.groupdict(""), **line.get("gives", {})}

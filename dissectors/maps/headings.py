@@ -71,7 +71,7 @@ def is_value(row: Sequence[str]) -> bool:
 
 def is_rule(row: Sequence[str]) -> bool:
     """Whether a row is a line between rows, or nothing."""
-    return form("rule", "".join(row)) != {}
+    return form("rule", " ".join(row)) != {}  # joined without blanks, they would be words that no text has
 
 
 @dataclass(slots=True)
