@@ -348,6 +348,12 @@ Para ler e escrever (função 6):
             "holding 10 u32 kWh r energia", "holding 32 s16 x0.1 °C rw temperatura pedida",
         ],
     ),
+    "defaults that are a list": (
+        "p.json",
+        '{"defaults": [1, 2], "points": [{"name": "Flow", "address": 4, "type": "uint16", "unit": "l/s"},'
+        ' {"name": "Drop", "address": 5, "type": "int16", "unit": "Pa"}]}',
+        ["holding 4 u16 l/s Flow", "holding 5 s16 Pa Drop"],
+    ),
     "a post: pairs of registers with a comma": (
         "post.txt",
         """
