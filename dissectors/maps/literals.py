@@ -172,9 +172,9 @@ class _BracketGroup:
 
 def _put_first(names: list[Fields], found: Fields) -> None:
     """Put the newest names in the place of those before, which stay behind them where they are headings."""
-    if found:
-        names[:1] = [found, *(one for one in names[:1] if is_heading([*one]))]
-        del names[_MOST_NAMES:]
+    kept = filter(lambda one: is_heading([*one]), names[:1])
+    names[: found != {}] = [found, *kept] * (found != {})
+    del names[_MOST_NAMES:]
 
 
 def _names_said(sentence: str) -> Fields:

@@ -35,7 +35,8 @@ _KEPT: Final = ("scale_register", "unit", "description", "group")  # columns tha
 
 
 @cache
-def _data_of(name: str) -> Mapping[str, Any]:
+def data_of(name: str) -> Mapping[str, Any]:
+    """A file of data: of a program, or the table of programs."""
     return tomllib.loads((package_files(__package__) / f"{name}.toml").read_text(encoding="utf-8"))
 
 
@@ -43,7 +44,7 @@ class Program:
     """A program's form of maps."""
 
     def __init__(self, name: str) -> None:
-        self.data = _data_of(name)
+        self.data = data_of(name)
         self.NAME: str = self.data["name"]
         self._above = {name.partition(".")[0] for name in re.findall(r"\^([\w.]+)", str(self.data))}
 
@@ -146,10 +147,11 @@ class _ProgramRow:
         area, area_word = self.meant("area")
         spot = (area, self._address(area)) if area else self._logical()
         kind, type_word = self.meant("type")
+        types_are = self.data.get("types_are", "type")
         bits_are = self.data.get("bits_are", [kind])
         wrong = (
             (None in spot, f"address {self.said('address')!r} of {area_word!r} is not known"),
-            (kind is None and spot[0] not in _BITS, f"{self._type_is} {type_word!r} is not a type that maps have"),
+            (kind is None and spot[0] not in _BITS, f"{types_are} {type_word!r} is not a type that maps have"),
             (spot[0] in _BITS and kind not in bits_are, f"address {self.said('address')} leads with the digit of "
              f"{spot[0]}s, which hold no {type_word}"),
         )  # fmt: skip
@@ -158,11 +160,6 @@ class _ProgramRow:
             self.note(told)
         else:
             self._add(str(spot[0]), cast(int, spot[1]), "bool" if spot[0] in _BITS else str(kind))
-
-    @property
-    def _type_is(self) -> str:
-        """What the program calls a type."""
-        return str(self.data.get("types_are", "type"))
 
     def _logical(self) -> tuple[str | None, int | None]:
         """Area and address of a record whose address names its area."""

@@ -90,11 +90,10 @@ def _keyed(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> 
 def _joined(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
     """The records that have a key, each with what another says that it names: the first that says what is wanted."""
     rows = [*records]
-    telling = (row for row in rows if step["with"] in row and said(row, step.get("has", ["="])) is not None)
-    others = {str(row[step["with"]]): row for row in telling}
+    wanted = step.get("has", [step["with"]])
+    others = {str(row.get(step["with"])): row for row in rows if said(row, wanted) is not None}
     for row in rows:
-        names = (str(value_at(row, key)) for key in step["by"])
-        told = next(filter(None, map(others.get, names)), {})
+        told = next(filter(None, (others.get(str(value_at(row, key))) for key in step["by"])), {})
         new = {key: value for key, value in told.items() if row.get(key) is None}
         yield from [row | new] * (step["of"] in row)
 
@@ -164,9 +163,8 @@ def _straight(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) 
             line = next(filter(None, (expression(like).fullmatch(text) for like in step["lines"])), None)
             factor, more = _line(line.groupdict()) if line else (1.0, 0.0)
             scale, added = scale * factor, added * factor + more
-            word = text.partition(" ")[0]
-            notes += [step["else"].get(word, "").replace("{}", text[:80])] * (line is None and word in step["else"])
-        yield {**record, "scale": scale, "added": added, "notes": [*record.get("notes", ()), *notes]}
+            notes += [step["else"].get(text.partition(" ")[0], "").replace("{}", text[:80])] * (line is None)
+        yield {**record, "scale": scale, "added": added, "notes": [*record.get("notes", ()), *filter(None, notes)]}
 
 
 def _line(parts: Mapping[str, str | None]) -> tuple[float, float]:
@@ -180,8 +178,7 @@ def _line(parts: Mapping[str, str | None]) -> tuple[float, float]:
 
 
 def _logical(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
-    """Areas and addresses apart where an address is a logical number (40001), but not in a block that begins at a plain
-    one."""
+    """Areas and addresses apart where an address is a logical number (40001), unless its block begins plainly."""
     for record in records:
         yield record | _spot(record, step["of"], record.get("area"))
 
@@ -258,22 +255,10 @@ def _within(source: MapSource, records: Iterator[Record], step: Mapping[str, Any
 
 
 _STEPS: Final[Mapping[str, Step]] = {
-    "aliases": _aliases,
-    "above": _above,
-    "also": _also,
-    "asked": _asked,
-    "joined": _joined,
-    "kept": _kept,
-    "keyed": _keyed,
-    "listed": _listed,
-    "logical": _logical,
-    "pairs": _pairs,
-    "parsed": _parsed,
-    "straight": _straight,
-    "variables": _variables,
-    "within": _within,
-    "words": _words,
-}
+    step.__name__[1:]: step
+    for step in (_aliases, _above, _also, _asked, _joined, _kept, _keyed, _listed,
+                 _logical, _pairs, _parsed, _straight, _variables, _within, _words)
+}  # fmt: skip
 
 
 def step_named(name: str) -> Step:

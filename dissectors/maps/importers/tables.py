@@ -103,10 +103,9 @@ class _TableRows:
                 begin = self._heading(first, last)
                 rows = self.rows[begin : headings[bisect_left(headings, begin)]]
                 for number, row in self._joined(rows, begin + self.first):
-                    if not self.builder.is_full:
-                        self._row(row, f"row {number}")
-        if self.builder.rows:
-            self.builder.note("columns were told by their headings: look the map over, its address base above all")
+                    self._row(row, f"row {number}")
+        told = "columns were told by their headings: look the map over, its address base above all"
+        self.builder.notes += [told] * bool(self.builder.rows)
         nameless = self.builder.rows and not self.is_named  # numbers below a word such as `hex`: a capture has those
         return self.builder.built() if self.heading.columns and not nameless else None
 
