@@ -397,3 +397,12 @@ def test_a_key_with_null_says_nothing() -> None:
     template = json.dumps({"device_type": "x", "device": {"name": "x", "id": "x", "channels": channels}})
     (found,) = import_maps("config-x.json", template.encode())
     assert [(row.name, row.group) for row in found.chart.rows] == [("A", "")]
+
+
+def test_a_dash_in_the_unit_column_says_that_there_is_none() -> None:
+    text = (
+        "Address  Name            Type    Unit\n0        Loop current    uint16  mA\n"
+        "1        Sensor of input uint16  -\n         3 - 4..20 mA\n2        Level           uint16  %\n"
+    )
+    (imported,) = import_maps("x.txt", text.encode())
+    assert {row.address: row.unit for row in imported.chart.rows} == {0: "mA", 1: "", 2: "%"}

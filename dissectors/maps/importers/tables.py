@@ -285,7 +285,7 @@ class _TableRows:
                 "length": length,
                 "scale": told["scale"],
                 "offset": told["added"],
-                "unit": told["unit"],
+                "unit": told["unit"] * (shown["unit"] != "" or not cells.get("unit")),  # a dash says that there is none
                 "values": bits or states,
                 "access": next(filter(None, accesses), None),
                 "min": told["low"],
