@@ -275,6 +275,96 @@ groups:
 """,
         ["holding 1 s16 spd Dust", "holding 2 u16 brl Noise", "holding 3 u16 ou Smell", "holding 4 u16 kfc Light"],
     ),
+    "a table of C whose structure names its columns, areas as short constants": (
+        "fan.c",
+        """
+typedef enum { A_COIL, A_DISC, A_IREG, A_HREG } area_t;
+struct point { area_t area; uint16_t addr; const char *label; fmt_t fmt; float mult; const char *unit; int rw; };
+/* area   addr  label   fmt   mult unit  rw */
+static const struct point points[] = {
+    { A_IREG, 4, "flow", F_U16, 0.1f, "l/s", 0 },
+    { A_IREG, 5, "drop", F_S16, 1.0f, "", 0 },
+    { A_HREG, 4, "want", F_U16, 0.5f, "l/s", 1 },
+    { A_DISC, 1, "jam", F_BIT, 1.0f, "", 0 },
+    { A_COIL, 1, "run", F_BIT, 1.0f, "", 1 },
+};
+""",
+        [
+            "input 4 u16 x0.1 l/s r flow", "input 5 s16 r drop", "holding 4 u16 x0.5 l/s rw want",
+            "discrete 1 bool r jam", "coil 1 bool rw run",
+        ],
+    ),
+    "titles of areas that blanks cut as rows are": (
+        "pompa.txt",
+        """
+REGISTRI DI SOLA LETTURA   -   funzione 04
+
+Indirizzo   Descrizione        Unità   Decimali
+0000h       Pressione          bar     2
+0001h       Portata            l/s     1
+
+REGISTRI DI LETTURA/SCRITTURA   -   funzioni 03, 16
+
+Indirizzo   Descrizione        Unità   Decimali
+0000h       Pressione voluta   bar     2
+0007h       Ritardo            s       0
+""",
+        [
+            "input 0 u16 x0.01 bar r Pressione", "input 1 u16 x0.1 l/s r Portata",
+            "holding 0 u16 x0.01 bar rw Pressione voluta", "holding 7 u16 s rw Ritardo",
+        ],
+    ),
+    "a key of letters below the table, parted by blanks": (
+        "kazan.txt",
+        """
+Yazmaç   Açıklama          Çarpan   Birim   Erişim
+40001    Kazan sıcaklığı   0,1      °C      O
+40002    Baca sıcaklığı    0,1      °C      O
+40003    Hedef sıcaklık    0,1      °C      O/Y
+40004    Sıfırlama                          Y
+
+O: okunur    Y: yazılır    O/Y: okunur, yazılır
+""",
+        [
+            "holding 0 u16 x0.1 °C r Kazan sıcaklığı", "holding 1 u16 x0.1 °C r Baca sıcaklığı",
+            "holding 2 u16 x0.1 °C rw Hedef sıcaklık", "holding 3 u16 w Sıfırlama",
+        ],
+    ),
+    "a post: numbers of Basic, two registers by a word": (
+        "post.txt",
+        """
+Olá, aqui vai a lista da bomba de calor. Função 3 (holding), endereços hexadecimais a partir de zero:
+
+&H00 - temperatura de saída, int16, /10, °C
+&H01 - pressão (0.01 bar)
+&H0A e &H0B - energia, uint32, kWh
+
+Para ler e escrever (função 6):
+
+&H20 - temperatura pedida, int16, /10, °C
+""",
+        [
+            "holding 0 s16 x0.1 °C r temperatura de saída", "holding 1 u16 x0.01 bar r pressão",
+            "holding 10 u32 kWh r energia", "holding 32 s16 x0.1 °C rw temperatura pedida",
+        ],
+    ),
+    "defaults that are a list": (
+        "p.json",
+        '{"defaults": [1, 2], "points": [{"name": "Flow", "address": 4, "type": "uint16", "unit": "l/s"},'
+        ' {"name": "Drop", "address": 5, "type": "int16", "unit": "Pa"}]}',
+        ["holding 4 u16 l/s Flow", "holding 5 s16 Pa Drop"],
+    ),
+    "a post: pairs of registers with a comma": (
+        "post.txt",
+        """
+Регистры счётчика, функция 4, адреса с нуля:
+
+0 - напряжение (0.1 В)
+1 - ток (0.01 А)
+4,5 - энергия (uint32, Вт·ч)
+""",
+        ["input 0 u16 x0.1 В r напряжение", "input 1 u16 x0.01 А r ток", "input 4 u32 Вт·ч r энергия"],
+    ),
 }  # fmt: skip
 
 
@@ -307,3 +397,12 @@ def test_a_key_with_null_says_nothing() -> None:
     template = json.dumps({"device_type": "x", "device": {"name": "x", "id": "x", "channels": channels}})
     (found,) = import_maps("config-x.json", template.encode())
     assert [(row.name, row.group) for row in found.chart.rows] == [("A", "")]
+
+
+def test_a_dash_in_the_unit_column_says_that_there_is_none() -> None:
+    text = (
+        "Address  Name            Type    Unit\n0        Loop current    uint16  mA\n"
+        "1        Sensor of input uint16  -\n         3 - 4..20 mA\n2        Level           uint16  %\n"
+    )
+    (imported,) = import_maps("x.txt", text.encode())
+    assert {row.address: row.unit for row in imported.chart.rows} == {0: "mA", 1: "", 2: "%"}

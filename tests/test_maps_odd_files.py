@@ -321,6 +321,82 @@ text_sensor:
         ["input 102 u16 r In 1 U"],
         "",
     ),
+    "esphome: filters that compute nothing": (
+        "tank.yaml",
+        b"sensor:\n  - {platform: modbus_controller, name: L, address: 3, register_type: read, value_type: U_WORD,\n"
+        b"     filters: [{throttle: 10s}, {multiply: 0.5}, {sliding_window_moving_average: {window_size: 5}}]}\n",
+        ["input 3 u16 x0.5 r L"],
+        "",
+    ),
+    "openhab: transformations, profiles of items, data that is only written, a bit": (
+        "kiln.things",
+        b"""Bridge modbus:serial:line "Line" [ port="/dev/ttyS2", baud=9600, id=7 ] {
+  Bridge poller fast [ start=200, length=6, type="holding" ] {
+    Thing data zone1 "Zone 1" [ readStart="200", readValueType="int16",
+                                readTransform="JS(| input / 100)" ]
+    Thing data fan [ readStart="201", readValueType="uint16", writeStart="201", writeType="holding" ]
+    Thing data door "Door" [ readStart="202.3", readValueType="bit" ]
+    Thing data gas "Gas" [ readStart="204", readValueType="uint32_swap" ]
+  }
+  Thing data start "Start" [ writeStart="17", writeType="coil" ]
+}
+Number:Volume Gas "Gas [%.2f m3]" { channel="modbus:data:line:fast:gas:number"
+  [ profile="modbus:gainOffset", gain="0.01 m3" ] }
+""",
+        ["holding 200 s16 x0.01 r Zone 1", "holding 201 u16 rw fan", "holding 204 u32 CDAB x0.01 m3 r Gas",
+         "coil 17 bool w Start", "holding 202 bits {3=Door} Bits of 202"],
+        "",
+    ),
+    "nodered: what functions, changes and ranges behind a read compute": (
+        "flows.json",
+        b"""[{"id":"a","type":"modbus-read","name":"Level","dataType":"InputRegister","adr":"7","quantity":"1","rate":"2",
+"rateUnit":"s","wires":[["d","b"],[]]},
+{"id":"b","type":"function","name":"m","wires":[[]],
+"func":"let raw = msg.payload[0];\\nif (raw > 32767) raw -= 65536;\\nmsg.payload = raw * 0.01;\\nreturn msg;"},
+{"id":"d","type":"debug","name":"see","wires":[]},
+{"id":"e","type":"modbus-getter","name":"Counter","dataType":"HoldingRegister","adr":12,"quantity":2,"wires":[["f"],[]]},
+{"id":"f","type":"change",
+"rules":[{"t":"set","p":"payload","pt":"msg","to":"payload[0] * 65536 + payload[1]","tot":"jsonata"}],"wires":[[]]},
+{"id":"g","type":"modbus-read","name":"Valve","dataType":"HoldingRegister","adr":"20","quantity":"1","wires":[["h"],[]]},
+{"id":"h","type":"range","minin":"0","maxin":"4000","minout":"-50","maxout":"150","wires":[[]]},
+{"id":"i","type":"modbus-write","name":"Horn","dataType":"Coil","adr":"3","quantity":"1","wires":[[],[]]}]""",
+        ["input 7 s16 x0.01 r Level", "holding 12 u32 Counter", "holding 20 u16 x0.05 +-50 Valve",
+         "coil 3 bool w Horn"],
+        "",
+    ),
+    "ignition: stations, folders, bits, texts, tags of memory": (
+        "tags.json",
+        b"""[{"name":"Pump","tagType":"Folder","tags":[
+{"name":"Speed","tagType":"AtomicTag","valueSource":"opc","opcItemPath":"[Pumps]3.HRUS51","engUnit":"rpm"},
+{"name":"Tripped","opcItemPath":{"bindType":"parameter","binding":"ns=1;s=[Pumps]3.HR60.2"}},
+{"name":"Energy","opcItemPath":"ns=1;s=[Pumps]3.IRUI_64200","engUnit":"kWh","readOnly":true},
+{"name":"Tank","opcItemPath":"ns=1;s=[Pumps]3.IR9","scaleMode":"Linear","rawLow":4000,"rawHigh":20000,"scaledLow":0,"scaledHigh":8},
+{"name":"Serial","opcItemPath":"ns=1;s=[Pumps]3.HRS300:12"},
+{"name":"Sum","valueSource":"memory"},
+{"name":"Other","opcItemPath":"ns=2;s=Machine.Speed"}]}]""",
+        ["holding 50 u16 rpm Speed", "input 199 u64 kWh r Energy", "input 8 s16 x0.0005 +-2 r Tank",
+         "holding 299 text Serial", "holding 59 bits {2=Tripped} Bits of 59"],
+        "counted from 1",
+    ),
+    "openems: channels of an element, words in the other order, tasks that write": (
+        "BatteryImpl.java",
+        b"""return new ModbusProtocol(this, //
+  new FC3ReadRegistersTask(40, Priority.HIGH, //
+    m(new UnsignedWordElement(40)).m(Batt.ChannelId.SOC, SCALE_FACTOR_MINUS_1).m(OTHER, DIRECT_1_TO_1).build(),
+    m(SymmetricEss.ChannelId.POWER, new SignedDoublewordElement(41).wordOrder(WordOrder.LSWMSW), INVERT),
+    new DummyRegisterElement(43, 44), m(new BitsWordElement(45, this).bit(0, ChannelId.TOO_HOT).bit(5, ChannelId.OPEN)),
+    m(ChannelId.SERIAL, new StringWordElement(46, 8)),
+    m(ChannelId.LIMIT, new UnsignedWordElement(60), ElementToChannelConverter.SCALE_FACTOR_2)),
+  new FC16WriteRegistersTask(60, m(ChannelId.LIMIT, new UnsignedWordElement(60), SCALE_FACTOR_2)),
+  new FC5WriteCoilTask(2, m(ChannelId.RESET, new CoilElement(2))));
+enum ChannelId { SERIAL(Doc.of(STRING)),
+  LIMIT(Doc.of(OpenemsType.INTEGER).accessMode(AccessMode.READ_WRITE).unit(Unit.WATT)); }
+""",
+        ["holding 40 u16 x0.1 r SOC", "holding 40 u16 r OTHER", "holding 41 s32 CDAB x-1 r POWER",
+         "holding 46 text r SERIAL", "holding 60 u16 x100 W rw LIMIT",
+         "coil 2 bool w RESET", "holding 45 bits {0=TOO_HOT; 5=OPEN} Bits of 45"],
+        "",
+    ),
     "sunspec: sizes that are missing, a mark, a number as text": (
         "model_103.json",
         """\ufeff{"id": "103", "group": {"name": "inv", "points": [{"name": "ID", "type": "uint16"},

@@ -15,7 +15,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Final
 
-from .vocabulary import WIDE_SIGNS, expression, form, meet, plain_heading, roles_headed, tidied, vocabulary
+from .vocabulary import (
+    NEVER,
+    WIDE_SIGNS,
+    expression,
+    form,
+    has_met,
+    meet,
+    plain_heading,
+    roles_headed,
+    tidied,
+    vocabulary,
+)
 from .written import together
 
 TOLD: Final = ("scale", "unit", "low", "high", "added", "sign", "access", "type")
@@ -57,7 +68,7 @@ def facts_in(text: str, kind: str) -> Facts:
 
 def _said_by(line: Mapping[str, Any], text: str) -> Facts:
     """What a text says by a line of the table of facts; nothing where it is not like it."""
-    match = expression(line["like"]).fullmatch(text)
+    match = expression((NEVER, line["like"])[has_met(line.get("needs", ""))]).fullmatch(text)
     if match is None:
         return {}
     parts = {**match.groupdict(""), **line.get("gives", {})}
@@ -131,9 +142,8 @@ def facts_of(cells: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
         cell = left.get(of, "")
         said = _told(at, cell)
         new = {key: fact for key, fact in said.items() if fact > told.get(key, fact) == ""}
-        if new:
-            told |= new
-            left[of] = said.get("rest", cell)
+        told |= new
+        left[of] = (cell, said.get("rest", cell))[bool(new)]
     left["name"], behind = name_apart(left["name"])
     remarks = (facts_in_remark(left.get(key, "")) for key in ("description", "range"))
     for found in (of_scale, of_unit, behind, *remarks):

@@ -71,7 +71,7 @@ def is_value(row: Sequence[str]) -> bool:
 
 def is_rule(row: Sequence[str]) -> bool:
     """Whether a row is a line between rows, or nothing."""
-    return form("rule", "".join(row)) != {}
+    return form("rule", " ".join(row)) != {}  # joined without blanks, they would be words that no text has
 
 
 @dataclass(slots=True)
@@ -110,26 +110,22 @@ def heading_of(
         "plain addresses were taken as counted from 1, as a heading says": how.base > 0,
         "addresses were taken for hexadecimal, as some of them have letters": how.is_hex > how.is_said,
     }
+    places = sorted({*_first_numbers(below, columns["address"])})
     found = TableHeading(
         columns,
         how,
         Counter(addresses),
         form("of_functions", texts.get("area", "")) != {},
-        any(map(_is_of_words, areas)),
+        any(form("of_words", area) and area_words(area) == "input" for area in areas),
         "word order" * ("word" in texts.get("order", "")),
         _have_units_behind(names, units),
         _more_addresses(row, below, columns),
         {without_width(f"{said['before']} {said['behind']}") for said in signed},
         heading_bits(texts["address"], "offset") > 0,
-        _least_step(_first_numbers(below, columns["address"])),
+        min((after - before for before, after in pairwise(places)), default=1),
         TableColumn("", rights, 1).rights,
     )
     return found, [*compress(doubtful, doubtful.values())]
-
-
-def _is_of_words(area: str) -> bool:
-    """Whether an area is called inputs that are registers."""
-    return bool(form("of_words", area)) and area_words(area) == "input"
 
 
 def without_width(kind: str) -> str:
@@ -152,11 +148,6 @@ def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]
     is_one_space = len({*places}) == len(places) > 0 and max(places) - min(places) < _LOGICAL
     every = sorted({own: columns["address"], **found}.items(), key=lambda titled: titled[1])
     return dict(every) if found and is_one_space else {}
-
-
-def _least_step(places: Sequence[int]) -> int:
-    """The least distance between addresses that differ."""
-    return min((after - before for before, after in pairwise(sorted({*places}))), default=1)
 
 
 def _first_numbers(rows: Table, at: int) -> list[int]:

@@ -97,18 +97,15 @@ def _with_remarks_behind(text: str) -> str:
     """A text whose remarks stand behind what they are of, where nearly each constant has one on the line above."""
     lines = text.splitlines()
     short = [line[:_LONGEST] for line in lines]
-    constants = [at for at, line in enumerate(short) if not _CONSTANT_SIGNS.isdisjoint(line) and _is_constant(line)]
+    constants = [
+        at for at, line in enumerate(short) if not _CONSTANT_SIGNS.isdisjoint(line) and form("declared", f"{line} // -")
+    ]
     above = {at: form("comment", short[at - 1]).get("said", "") for at in filter(None, constants)}
     told = {at: said for at, said in above.items() if said and not form("declared", short[at])}
     if len(told) >= max(_MANY, _NEARLY * len(constants)):
         for at, said in told.items():
             lines[at - 1 : at + 1] = ["", f"{lines[at]} // {said}"]
     return "\n".join(lines)
-
-
-def _is_constant(line: str) -> bool:
-    """Whether a line declares a constant, if only a remark stood behind."""
-    return form("declared", f"{line} // -") != {}
 
 
 def _title(line: str) -> str:

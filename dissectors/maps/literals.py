@@ -28,6 +28,7 @@ _WORD: Final = re.compile(r"[^\W\d]\w*(?: \w+){0,3}")
 _CONSTANTS: Final = 1 << 16  # characters in which constants are declared
 _LINE: Final = 200  # characters of one that declares a field
 _FEW: Final = 3  # words that may be names
+_MOST_NAMES: Final = 60  # lists of them
 
 
 Fields = dict[str, str]  # names in their order, with what each is where nothing is said
@@ -113,7 +114,7 @@ class _BracketGroup:
                 case "part":
                     self._close()
                 case "comment":
-                    names[0] = next(filter(None, map(_names_said, expression(r"[.;:]\s").split(token))), names[0])
+                    _put_first(names, next(filter(None, map(_names_said, expression(r"[.;:]\s").split(token))), {}))
                     if isinstance(token, Remark):
                         self._close()
                         self.listed.append(token)
@@ -155,7 +156,7 @@ class _BracketGroup:
             return self.listed
         items = [item for item in self.listed if not isinstance(item, Remark)]
         own = _names(items, is_quoted=self.is_quoted)
-        names[0] = own or names[0]
+        _put_first(names, own)
         fields = {} if own else next(filter(self._may_have, names), {})
         return (
             {**fields, **dict(zip(fields, items, strict=False)), **self.named} if fields or self.named else self.listed
@@ -167,6 +168,13 @@ class _BracketGroup:
         plain = all(type(item) is str for item in self.listed)  # no group, no remark
         fewer = plain and count < most and (any(fields.values()) if count > 1 else bool(self.named))
         return self.named.keys() <= fields.keys() and (count == most or fewer)
+
+
+def _put_first(names: list[Fields], found: Fields) -> None:
+    """Put the newest names in the place of those before, which stay behind them where they are headings."""
+    kept = filter(lambda one: is_heading([*one]), names[:1])
+    names[: found != {}] = [found, *kept] * (found != {})
+    del names[_MOST_NAMES:]
 
 
 def _names_said(sentence: str) -> Fields:

@@ -188,7 +188,8 @@ def _named_places(node: Mapping[str, Any], given: Record) -> Iterator[Record]:
 def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """What a mapping is, where nothing that it holds has an address, else the records in it."""
     cells, plain = dict(_cells(node)), {_word(key): "1" for key, value in node.items() if not _is_nested(value)}
-    usual = (dict(_cells(part)) for key, part in node.items() if _is_nested(part) and form("of_defaults", str(key)))
+    named = (part for key, part in node.items() if form("of_defaults", str(key)))
+    usual = (dict(_cells(part)) for part in named if isinstance(part, Mapping))
     given = {**given, **next(usual, {})}
     shared = {**given, **_shared_by({key: cells[key] for key in plain})}
     below = [
@@ -206,7 +207,7 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
 def _shared_by(cells: Record) -> Record:
     """What plain cells say that may hold for all that stands beside them."""
     areas = {"area": cell for cell in cells.values() if cell.lower() in AREA_NAMES}  # noqa: B035
-    return {**areas, **{key: cell for key, cell in cells.items() if _is_shared(key)}}
+    return {**areas, **{key: cell for key, cell in cells.items() if not _SHARED.isdisjoint(roles_headed(key))}}
 
 
 def _with_its_place(node: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -238,11 +239,6 @@ def _told(text: str) -> Record:
     """What a title or a key says of all that stands below it."""
     words = _word(text)
     return {key: cell for key, cell in zip(_TOLD, (area_words(words), access_said(words)), strict=True) if cell}
-
-
-def _is_shared(key: str) -> bool:
-    """Whether what a key says may hold for all that stands beside it."""
-    return not _SHARED.isdisjoint(roles_headed(key))
 
 
 def _placed(records: Sequence[Record]) -> Sequence[Record]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from .model import MapArea
-from .roles import Table, column_cells
+from .roles import Table, column_cells, is_heading
 from .vocabulary import expression, form, meaning, vocabulary
-from .written import access_said, area_words, numbers_in, order_of
+from .written import access_said, area_words, functions_in, numbers_in, order_of
 
 _FEW: Final = 2  # cells of a row that may be a footnote
 _LONGEST: Final = 400  # characters of one
@@ -43,8 +43,7 @@ class Titles:
         told = self.tables.get(form("table_title", title).get("number", ""), "")
         self._take(title if own == sentences and not told else ", ".join([*own, told]), own)
         self.blocks |= {said["name"]: numbers_in(said["base"])[0] for said in expression("{BLOCK}").finditer(title)}
-        if is_group:
-            self.group = _group(title) or self.group
+        self.group = form("group_title", title.strip("#*: ") * is_group).get("", "") or self.group  # no sentence
 
     def _take(self, title: str, sentences: Sequence[str]) -> None:
         named = map(area_words, expression("[;.] ").split(title))
@@ -61,8 +60,6 @@ class Titles:
 
     def without_marks(self, cells: Mapping[str, str]) -> dict[str, str]:
         """The cells without the marks of footnotes; what these say is a remark."""
-        if not self.footnotes:
-            return dict(cells)
         marked = {key: form("marked", cell) for key, cell in cells.items()}
         known = {key: self.footnotes.get(said.get("mark", ""), "") for key, said in marked.items()}
         bare = {key: marked[key]["rest"] if known[key] else cell for key, cell in cells.items()}
@@ -72,6 +69,19 @@ class Titles:
 def _says_type(sentence: str) -> bool:
     """Whether a sentence says of which type all values are."""
     return bool(form("says_type", sentence) and meaning("typed", sentence))
+
+
+def text_of(row: Sequence[str]) -> str:
+    """The text of a row without values, which commas may have cut."""
+    cells = [*filter(None, row)]
+    return (" ", ", ")[len(cells) > _FEW].join(cells)
+
+
+def is_title(row: Sequence[str]) -> bool:
+    """Whether a row is a title that blanks have cut: it names functions, or an area and its access, and no address."""
+    text, first = " ".join(row), "".join(row[:1])
+    tells = (functions_in(text), all((area_words(first), access_said(text))))
+    return any(tells) > any((first == "", is_heading(row), *(form("place", cell) for cell in row)))
 
 
 def texts_alone(rows: Table) -> list[str]:
@@ -92,8 +102,3 @@ def without_codes(rows: Table, texts: Sequence[str]) -> Table:
     columns = [column_cells(tables, at) for at in range(max(map(len, tables), default=0))]
     coded = {at for at, cells in enumerate(columns) if sum(cell in legend for cell in cells) > _CODED * len(cells)}
     return [[legend.get(cell, cell) if at in coded else cell for at, cell in enumerate(row)] for row in rows]
-
-
-def _group(text: str) -> str:
-    """The title above rows, as a group; a sentence is none."""
-    return form("group_title", text.strip("#*: ")).get("", "")

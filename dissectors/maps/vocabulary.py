@@ -24,6 +24,7 @@ _BRACKETS: Final = re.compile(r"\\.|\[(?:\\.|[^\]\\])+\]|[(|)]")
 _INNERMOST: Final = re.compile(r"\([^()]*\)")
 _PERHAPS: Final = re.compile(r".(?:[?*]|\{0?,)")
 _RUN: Final = re.compile(r"[^\W\d_]+")
+NEVER: Final = "(?!)"
 _UNIT: Final = 3  # letters by which words are looked up
 _STROKES: Final = str.maketrans({"đ": "d", "ł": "l", "ø": "o", "ı": "i", "æ": "ae", "œ": "oe", "ß": "ss"})
 LONGEST_HEADING: Final = 60  # characters
@@ -98,7 +99,7 @@ class _KnownWords:
 
     def of(self, part: str) -> str:
         """The words of a part that may stand in what was read, as alternatives."""
-        return "|".join(word for letters, word in self.parts.get(part, ()) if letters in self.met) or "(?!)"
+        return "|".join(word for letters, word in self.parts.get(part, ()) if letters in self.met) or NEVER
 
 
 def _listed_words() -> Iterator[tuple[str, str]]:
@@ -147,6 +148,11 @@ def _words() -> _KnownWords:
 def meet(text: str) -> None:
     """Take in a text that is going to be read."""
     _words().meet(text)
+
+
+def has_met(part: str) -> bool:
+    """Whether a text may have a word of a part; of none, any text."""
+    return part == "" or _words().of(part) != NEVER
 
 
 def known_letters(text: str) -> int:

@@ -15,25 +15,12 @@ from typing import Final, NoReturn
 from ..headings import HEADING_ROWS
 from ..model import MapError
 from .general import COHERENT, READERS, Reader, coherence, facts_of_all
-from .programs import Program
+from .programs import Program, data_of
 from .source import ImportedMap, MapSource
 
-_OF_PROGRAMS: Final = (
-    "sunspec",
-    "wirenboard",
-    "zabbix",
-    "solarman",
-    "homeassistant",
-    "esphome",
-    "modbus_exporter",
-    "modbus_schema",
-    "telegraf",
-    "evcc",
-    "modpoll",
-    "iobroker",
-)
+_OF_PROGRAMS: Final = data_of("programs")  # by what stands in each of their files
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
-_ENOUGH: Final = {"lines": 2.9}  # facts of a row with which a format is not asked
+_ENOUGH: Final = {"lines": 3.7}  # facts of a row with which a format is not asked
 _FEW: Final = 4  # rows that are enough to say so
 FORMATS: Final = (*_OF_PROGRAMS, "own", *_GENERAL)
 
@@ -49,16 +36,16 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
     """The maps in a file, its format found by content or given by name; MapError says why there are none."""
     source = MapSource(file, data)
     if name is not None:
-        return _read(source, (name,)) or _raised(f"{file}: is not {map_format(name).NAME}")
-    for program in _OF_PROGRAMS:
-        found = _read(source, (program,))
+        return _read(source, (name,)) or _raised(MapError(f"{file}: is not {map_format(name).NAME}"))
+    for program, sign in _OF_PROGRAMS.items():
+        found = _read(source, (program,) * (sign in source.text))
         if found:
             return found
     try:
         own = _read(source, ("own",))
     except MapError as error:
         return _read_otherwise(source, error)
-    return own or _coherent(source, _read(source, _GENERAL)) or _raised(_why_none(source))
+    return own or _coherent(source, _read(source, _GENERAL)) or _raised(MapError(_why_none(source)))
 
 
 def _coherent(source: MapSource, found: list[ImportedMap]) -> list[ImportedMap]:
@@ -81,8 +68,8 @@ def _read_otherwise(source: MapSource, not_own: MapError) -> list[ImportedMap]:
     return [replace(one, notes=(*one.notes, told)) for one in found] or _raised(not_own)
 
 
-def _raised(why: str | MapError) -> NoReturn:
-    raise MapError(why) if isinstance(why, str) else why
+def _raised(why: MapError) -> NoReturn:
+    raise why
 
 
 def _read(source: MapSource, candidates: Sequence[str]) -> list[ImportedMap]:

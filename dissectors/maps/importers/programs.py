@@ -2,7 +2,8 @@
 
 `NAME.toml` has `paths` to the records, `steps` that are taken with these (`steps`), `fields` (what a map's column is,
 out of which keys of a record), and the program's words for areas, types, orders and rights. A path's steps are keys;
-`{a,b}` any of these, `*` any, `-` the rows of a table, `**` anything between. A key with `^` is one of what a record
+`{a,b}` any of these, `*` any, `-` the rows of a table, or what an expression (`finds`) finds in a text, each with its
+named parts, `**` anything between; no step at all is the list that a file is. A key with `^` is one of what a record
 stands in (`^@`: the key that led to it), `a.b` the one under another, `=x` is x itself, `a+b` both, parted by a blank;
 the first that is there counts. Words are looked up as they stand, then in small letters; `""` is what no known word
 means.
@@ -34,7 +35,8 @@ _KEPT: Final = ("scale_register", "unit", "description", "group")  # columns tha
 
 
 @cache
-def _data_of(name: str) -> Mapping[str, Any]:
+def data_of(name: str) -> Mapping[str, Any]:
+    """A file of data: of a program, or the table of programs."""
     return tomllib.loads((package_files(__package__) / f"{name}.toml").read_text(encoding="utf-8"))
 
 
@@ -42,7 +44,7 @@ class Program:
     """A program's form of maps."""
 
     def __init__(self, name: str) -> None:
-        self.data = _data_of(name)
+        self.data = data_of(name)
         self.NAME: str = self.data["name"]
         self._above = {name.partition(".")[0] for name in re.findall(r"\^([\w.]+)", str(self.data))}
 
@@ -56,7 +58,8 @@ class Program:
         builders: dict[str, MapBuilder] = {}
         for record in records:
             device, vendor = (" ".join(self._texts(record, key)) for key in ("device", "vendor"))
-            empty = MapBuilder(source.name, device, vendor, self.data.get("order", "ABCD"))
+            order, notes = self.data.get("order", "ABCD"), [*self.data.get("says", ())]
+            empty = MapBuilder(source.name, device, vendor, order, notes=notes)
             _ProgramRow(self.data, builders.setdefault(device, empty), record).add()
         return [builder.built() for builder in builders.values()]
 
@@ -68,11 +71,11 @@ class Program:
         self, source: MapSource, paths: Sequence[Mapping[str, Any]], most: int | None = None
     ) -> Iterator[Record]:
         """The records that paths lead to, among the first `most` that could be."""
-        tree = getattr(source, self.data["reads"])
         for path in paths:
-            way = path["to"].split(".")
-            if not any(key in source.text for key in way[-1].strip("{}*-").split(",")):
+            way = [*filter(None, path["to"].split("."))]
+            if not any(key in source.text for key in "".join(way[-1:]).strip("{}*-").split(",")):
                 continue  # what it leads to is nowhere in the file
+            tree = source.found(self.data["finds"]) if "finds" in self.data else getattr(source, self.data["reads"])
             records = iter(tree) if way == ["-"] else self._walked({"": tree}, ["", *way], {}, 0)
             for record in islice(records, most):
                 where, unless = path.get("where", {}), path.get("unless", {"": ""})
@@ -144,10 +147,11 @@ class _ProgramRow:
         area, area_word = self.meant("area")
         spot = (area, self._address(area)) if area else self._logical()
         kind, type_word = self.meant("type")
+        types_are = self.data.get("types_are", "type")
         bits_are = self.data.get("bits_are", [kind])
         wrong = (
             (None in spot, f"address {self.said('address')!r} of {area_word!r} is not known"),
-            (kind is None and spot[0] not in _BITS, f"{self._type_is} {type_word!r} is not a type that maps have"),
+            (kind is None and spot[0] not in _BITS, f"{types_are} {type_word!r} is not a type that maps have"),
             (spot[0] in _BITS and kind not in bits_are, f"address {self.said('address')} leads with the digit of "
              f"{spot[0]}s, which hold no {type_word}"),
         )  # fmt: skip
@@ -156,11 +160,6 @@ class _ProgramRow:
             self.note(told)
         else:
             self._add(str(spot[0]), cast(int, spot[1]), "bool" if spot[0] in _BITS else str(kind))
-
-    @property
-    def _type_is(self) -> str:
-        """What the program calls a type."""
-        return str(self.data.get("types_are", "type"))
 
     def _logical(self) -> tuple[str | None, int | None]:
         """Area and address of a record whose address names its area."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -47,7 +47,6 @@ _WAYS: Final = {  # in which a tree is read, by the suffix of its file and by it
     "<": ("xml",),
     "{": ("lines",),
 }
-_TOO_DEEP: Final = "nested too deeply"
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +146,10 @@ class MapSource:
         head = {at: name.lower() for at, name in next(rows, {}).items()} | {"row": "row", "line": "line"}
         return ({head.get(at, at): cell for at, cell in row.items() if cell} for row in rows if row["line"].strip())
 
+    def found(self, like: str) -> Iterator[dict[str, str]]:
+        """The named parts of all that is like an expression in the text, those that are missing or empty left out."""
+        return (dict(filter(all, one.groupdict("").items())) for one in expression(like).finditer(self.text))
+
     @cached_property
     def xml(self) -> Any:
         """The elements of an XML file, attributes and texts by name, others as lists; none of HTML or with entities."""
@@ -185,12 +188,17 @@ class MapSource:
         if self.text.lstrip()[:1] not in ("{", "[", "/"):
             return None
         bare = _COMMENT.sub(lambda found: found[1] or re.sub(r"[^\n]", "", found[0]), self.text)
+        return self._tried("JSON", json.loads, _LAST_COMMA.sub(lambda found: found[1] or "", bare))
+
+    def _tried(self, kind: str, read: Callable[[str], Any], text: str) -> Any:
+        """The content of a text of this kind; None where it is damaged, which is kept."""
         try:
-            return json.loads(_LAST_COMMA.sub(lambda found: found[1] or "", bare))
+            return read(text)
         except ValueError as error:
-            self._problems["JSON"] = _json_error(error)
+            told = f"line {error.lineno}: {error.msg}" if isinstance(error, json.JSONDecodeError) else one_line(error)
+            self._problems[kind] = told[:200]
         except RecursionError:
-            self._problems["JSON"] = _TOO_DEEP
+            self._problems[kind] = "nested too deeply"
         return None
 
     def _may_be(self, kind: str, sign: str) -> bool:
@@ -200,26 +208,14 @@ class MapSource:
 
     @cached_property
     def toml(self) -> Any:
-        try:
-            return tomllib.loads(self.text) if self._may_be("TOML", "{TOML}") else None
-        except ValueError as error:
-            self._problems["TOML"] = one_line(error)[:200]
-        except RecursionError:
-            self._problems["TOML"] = _TOO_DEEP
-        return None
+        return self._tried("TOML", tomllib.loads, self.text) if self._may_be("TOML", "{TOML}") else None
 
     @cached_property
     def yaml(self) -> Any:
         """The YAML content; tags that a program defines for itself stand for their plain values."""
         if self.json is not None:  # which is YAML, too
             return self.json
-        if not self._may_be("YAML", "{YAML}"):
-            return None
-        try:
-            return _yaml_of(self.text)
-        except ValueError as error:
-            self._problems["YAML"] = one_line(error)[:200]
-            return None
+        return self._tried("YAML", _yaml_of, self.text) if self._may_be("YAML", "{YAML}") else None
 
 
 def _yaml_of(text: str) -> Any:
@@ -287,7 +283,11 @@ class MapBuilder:
             self.note(f"{what}: {error}")
             return
         twins = self._at.setdefault((row.area, row.address), {})
-        if twins.get(row.name) == row:
+        twin = twins.get(row.name)
+        if twin and replace(twin, access=row.access) == row:  # said again, or once of reading and once of writing
+            access = "".join(sorted({*twin.access, *row.access}))
+            if access != twin.access:
+                self.rows[self.rows.index(twin)] = twins[row.name] = replace(twin, access=access)
             return
         if len(twins) >= _MOST_TWINS:
             self.note(f"{what}: over {_MOST_TWINS} values at {row.area} {row.address}")
@@ -368,11 +368,6 @@ _LENGTH: Final = ("length",)
 _FACTOR: Final = ("scale", "offset")
 _UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR, "unit"), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
 """What a type cannot have: a coil is a bool, a text has no factor, others have the length that they have."""
-
-
-def _json_error(error: ValueError) -> str:
-    """What is wrong with a JSON text, line first."""
-    return f"line {error.lineno}: {error.msg}" if isinstance(error, json.JSONDecodeError) else one_line(error)[:200]
 
 
 def scaled(scale: float, offset: float = 0.0) -> dict[str, object]:

@@ -41,7 +41,7 @@ def value_at(record: Mapping[str, Any], key: str) -> Any:
     first, _, rest = key.partition(".")
     inner = record.get(first)
     known = {str(at): one for at, one in enumerate(inner)} if isinstance(inner, list) else inner
-    return known.get(rest) if isinstance(known, Mapping) else None
+    return value_at(known, rest) if isinstance(known, Mapping) else None
 
 
 def _flat(value: Any) -> str:
@@ -78,6 +78,24 @@ def _above(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> 
             yield {**held, **record}
         else:
             held |= {key: record[key] for key in step["keeps"] if key in record}
+
+
+def _keyed(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
+    """What a text says by keys, under these."""
+    for record in records:
+        found = expression(step["like"]).finditer(str(said(record, step["of"]) or "")[:_LONGEST])
+        yield record | {one["key"]: one["value"] for one in found}
+
+
+def _joined(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
+    """The records that have a key, each with what another says that it names: the first that says what is wanted."""
+    rows = [*records]
+    wanted = step.get("has", [step["with"]])
+    others = {str(row.get(step["with"])): row for row in rows if said(row, wanted) is not None}
+    for row in rows:
+        told = next(filter(None, (others.get(str(value_at(row, key))) for key in step["by"])), {})
+        new = {key: value for key, value in told.items() if row.get(key) is None}
+        yield from [row | new] * (step["of"] in row)
 
 
 def _listed(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
@@ -134,7 +152,7 @@ def _straight(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) 
         lists = (
             mappings([{key: record[key]}] if key in step["keys"] else record[key])
             for key in step["of"]
-            if key in record
+            if record.get(key) is not None
         )
         texts = [
             " ".join(f"{key} {_flat(value)}".split()) for one in lists for each in one for key, value in each.items()
@@ -145,9 +163,8 @@ def _straight(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) 
             line = next(filter(None, (expression(like).fullmatch(text) for like in step["lines"])), None)
             factor, more = _line(line.groupdict()) if line else (1.0, 0.0)
             scale, added = scale * factor, added * factor + more
-            word = text.partition(" ")[0]
-            notes += [step["else"][word].replace("{}", text[:80])] * (line is None and word in step["else"])
-        yield {**record, "scale": scale, "added": added, "notes": [*record.get("notes", ()), *notes]}
+            notes += [step["else"].get(text.partition(" ")[0], "").replace("{}", text[:80])] * (line is None)
+        yield {**record, "scale": scale, "added": added, "notes": [*record.get("notes", ()), *filter(None, notes)]}
 
 
 def _line(parts: Mapping[str, str | None]) -> tuple[float, float]:
@@ -161,8 +178,7 @@ def _line(parts: Mapping[str, str | None]) -> tuple[float, float]:
 
 
 def _logical(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
-    """Areas and addresses apart where an address is a logical number (40001), but not in a block that begins at a plain
-    one."""
+    """Areas and addresses apart where an address is a logical number (40001), unless its block begins plainly."""
     for record in records:
         yield record | _spot(record, step["of"], record.get("area"))
 
@@ -239,20 +255,10 @@ def _within(source: MapSource, records: Iterator[Record], step: Mapping[str, Any
 
 
 _STEPS: Final[Mapping[str, Step]] = {
-    "aliases": _aliases,
-    "above": _above,
-    "also": _also,
-    "asked": _asked,
-    "kept": _kept,
-    "listed": _listed,
-    "logical": _logical,
-    "pairs": _pairs,
-    "parsed": _parsed,
-    "straight": _straight,
-    "variables": _variables,
-    "within": _within,
-    "words": _words,
-}
+    step.__name__[1:]: step
+    for step in (_aliases, _above, _also, _asked, _joined, _kept, _keyed, _listed,
+                 _logical, _pairs, _parsed, _straight, _variables, _within, _words)
+}  # fmt: skip
 
 
 def step_named(name: str) -> Step:

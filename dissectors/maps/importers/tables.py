@@ -28,7 +28,7 @@ from ..headings import (
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
 from ..roles import Table, assigned, assignment, known_headings
 from ..sheets import MapSheet, column_name, notes_of_cut
-from ..titles import Titles, footnotes_in, texts_alone, without_codes
+from ..titles import Titles, footnotes_in, is_title, text_of, texts_alone, without_codes
 from ..vocabulary import WIDE_SIGNS, expression, form, given, meaning, meet, plain_heading
 from ..written import (
     AddressForm,
@@ -71,13 +71,13 @@ class _TableRows:
 
     def __init__(self, source: MapSource, sheet: MapSheet, device: str) -> None:
         self.builder = MapBuilder(source.name, device=f"{source.stem} {device}".strip())
-        shown = self._visible(sheet)
+        shown = [[text_of(row)] if is_title(row) else row for row in self._visible(sheet)]
         self.rows = headed(shown)
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
         self.headings = [*islice(headings_in(self.rows), _MOST_HEADINGS + 1), len(self.rows)]
-        alone = [*map(_title_of, self.rows[: self.headings[0]]), *texts_alone(self.rows[self.headings[0] :])]
+        alone = [*map(text_of, self.rows[: self.headings[0]]), *texts_alone(self.rows[self.headings[0] :])]
         self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(alone))
         self.rows = without_codes(self.rows, alone)
         self.is_divided = any(form("says_divided", text) for text in alone)  # by what a column calls a factor
@@ -103,10 +103,9 @@ class _TableRows:
                 begin = self._heading(first, last)
                 rows = self.rows[begin : headings[bisect_left(headings, begin)]]
                 for number, row in self._joined(rows, begin + self.first):
-                    if not self.builder.is_full:
-                        self._row(row, f"row {number}")
-        if self.builder.rows:
-            self.builder.note("columns were told by their headings: look the map over, its address base above all")
+                    self._row(row, f"row {number}")
+        told = "columns were told by their headings: look the map over, its address base above all"
+        self.builder.notes += [told] * bool(self.builder.rows)
         nameless = self.builder.rows and not self.is_named  # numbers below a word such as `hex`: a capture has those
         return self.builder.built() if self.heading.columns and not nameless else None
 
@@ -173,7 +172,7 @@ class _TableRows:
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
         cells = list(filter(None, row))
-        title = _title_of(row)
+        title = text_of(row)
         self.titles.take(title, is_group=len(cells) == 1 and (self.heading.columns != {} or title.startswith("#")))
 
     def _row(self, row: Sequence[str], what: str) -> None:
@@ -286,7 +285,7 @@ class _TableRows:
                 "length": length,
                 "scale": told["scale"],
                 "offset": told["added"],
-                "unit": told["unit"],
+                "unit": told["unit"] * (shown["unit"] != "" or not cells.get("unit")),  # a dash says that there is none
                 "values": bits or states,
                 "access": next(filter(None, accesses), None),
                 "min": told["low"],
@@ -324,12 +323,6 @@ class _TableRows:
             first = _FIRST_WORD.get(str(order), "most significant")
             self.builder.note(f"{what}: order {said[:30]!r} was taken for {order or 'ABCD'}, {first} word first")
         return order
-
-
-def _title_of(row: Sequence[str]) -> str:
-    """The text of a row without values, which commas may have cut."""
-    cells = [*filter(None, row)]
-    return (" ", ", ")[len(cells) > _FEW].join(cells)
 
 
 def _nearest(left: str, cell: str) -> str:
