@@ -1,8 +1,8 @@
 """Standard input, pipes and packed files, as the plain files that readers open.
 
 Readers go back and forth in a file, and read it again: so what comes from a pipe or is packed (gzip, bzip2, xz, zstd, a
-zip with one capture) is first put into a temporary file, which goes when nobody needs it any more. A packed file that
-grows out of all proportion is refused: it is made to fill a disk.
+zip with one capture, a page, Wireshark's PDML) is first put into a temporary file, which goes when nobody needs it any
+more. A packed file that grows out of all proportion is refused: it is made to fill a disk.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 import tempfile
 import weakref
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Final
@@ -21,6 +21,8 @@ from typing import IO, Any, BinaryIO, Final
 from .disposal import TemporaryFolder
 from .errors import CaptureError, os_reason
 from .files import HEAD_BYTES, opened
+from .network.written import is_dissected_json, is_pdml, json_packets, pdml_packets
+from .text.page import is_page, page_text
 
 STANDARD_INPUT: Final = "-"
 _PIECE: Final = 1 << 18
@@ -271,10 +273,30 @@ class _ZstdFrames:
         return b""
 
 
+class _Pieces:
+    """Pieces as a stream that is read, a context manager."""
+
+    def __init__(self, pieces: Iterator[bytes]) -> None:
+        self._pieces = pieces
+
+    def __enter__(self) -> _Pieces:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """The file is closed by whoever opened it."""
+
+    def read(self, _: int) -> bytes:
+        """The next piece, however long; nothing at the end."""
+        return next(self._pieces, b"")
+
+
 _PACKINGS: Final = (
     _Packing("gzip", lambda head: head[:3] == b"\x1f\x8b\x08" and head[3:4] < b"\x20", _gzip, (".gz", ".gzip")),
     _Packing("bzip2", lambda head: head[:3] == b"BZh" and head[4:10] == b"1AY&SY", _bzip2, (".bz2",)),
     _Packing("xz", lambda head: head[:6] == b"\xfd7zXZ\x00", _xz, (".xz",)),
     _Packing("zstd", lambda head: head[:4] == b"\x28\xb5\x2f\xfd", _ZstdFrames, (".zst", ".zstd")),
+    _Packing("HTML", is_page, lambda page: _Pieces(page_text(page)), (".html", ".htm")),
+    _Packing("PDML", is_pdml, lambda packed: _Pieces(pdml_packets(packed)), (".pdml", ".xml")),
+    _Packing("JSON", is_dissected_json, lambda packed: _Pieces(json_packets(packed)), (".json",)),
     _Zip("zip", lambda head: head[:4] == b"PK\x03\x04", zipfile.ZipFile),
 )

@@ -20,7 +20,7 @@ from analyzer import languages
 _SETTINGS = Path(tempfile.mkdtemp())
 os.environ["XDG_CONFIG_HOME"] = os.environ["APPDATA"] = str(_SETTINGS)  # nobody's own settings, read or written
 
-settings.register_profile("rtuscope", deadline=None, max_examples=60)
+settings.register_profile("rtuscope", deadline=None, max_examples=40)
 settings.load_profile("rtuscope")
 os.environ["RTUSCOPE_CONFIG"] = ""
 os.environ["LC_ALL"] = "C.UTF-8"  # nobody's own language

@@ -30,7 +30,7 @@ from captures.limits import TIME_LIMIT
 from captures.recording.notes import Note, NoteChannel, read
 
 LINE = LineSettings(baud=19200, char_bits=11, tap="irq")
-FILES = settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FILES = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 BEGUN = 1_800_000_000 * 10**9
 STEP = 500_000_000
 

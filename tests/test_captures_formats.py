@@ -26,7 +26,7 @@ CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 LOSSLESS = ["serial-chunks", "mcap"]
 SUFFIXES = sorted({suffix for found in formats().values() for suffix in found.suffixes} | {"", ".xyz"})
 settings.register_profile("files", deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-FILES = settings(settings.get_profile("files"), max_examples=60)
+FILES = settings(settings.get_profile("files"), max_examples=40)
 FUZZ = settings(FILES, max_examples=30)  # of each suffix and format
 
 texts = st.text(max_size=12)

@@ -37,14 +37,14 @@ def _summed(hits: int, of: int, share: float) -> float:
 
 
 @given(st.integers(1, 300), st.floats(0.0, 1.0), st.floats(0.001, 0.999))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_tails_are_those_of_the_binomial(of: int, part: float, share: float) -> None:
     hits = round(part * of)
     assert at_most(hits, of, share) == pytest.approx(_summed(hits, of, share), abs=1e-9)
 
 
 @given(st.integers(1, 5000), st.floats(0.0, 1.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_each_bound_leaves_half_of_the_rest(of: int, part: float) -> None:
     hits = round(part * of)
     low, high = share_bounds(hits, of, 0.95)

@@ -169,7 +169,7 @@ def test_a_merge_tells_which_settings_it_leaves_out(capsys: pytest.CaptureFixtur
 
 
 @given(st.lists(READS, min_size=1, max_size=4))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_a_merge_holds_every_read_once_in_each_ones_order(several: list[list[Chunk]]) -> None:
     made = merged([Capture.of(LINE, reads) for reads in several])
     found = [chunk for block in made.blocks(16) for chunk in map(block.chunk, range(len(block)))]
@@ -183,7 +183,7 @@ def test_a_merge_holds_every_read_once_in_each_ones_order(several: list[list[Chu
 
 
 @given(st.data(), READS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_spans_are_bytes_of_a_ports_stream(data: st.DataObject, reads: list[Chunk]) -> None:
     marked = [Chunk(c.t_ns, c.data, c.port, c.mark, (len(c.data) - 1,)) for c in reads]
     begin = data.draw(st.integers(0, 40))

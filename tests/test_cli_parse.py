@@ -155,7 +155,7 @@ def test_colour_on_a_terminal():
         os.close(theirs)
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=75, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     words=st.lists(st.text(st.characters(codec="utf-8"), max_size=30), max_size=5),
     options=st.sets(st.sampled_from(["--json", "--values"])),
@@ -182,7 +182,7 @@ def test_a_request_that_can_only_be_an_answer_is_told_as_one(capsys):
     assert "response  unit 17: exception 02 illegal data address" in done.out
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.binary(min_size=1, max_size=12).map(lambda pdu: adu(pdu.hex())) | st.binary(max_size=12), max_size=4),
     st.sampled_from(("auto", "rtu", "ascii", "tcp")),

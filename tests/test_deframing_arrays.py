@@ -43,7 +43,7 @@ PDUS = st.builds(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.lists(PDUS, min_size=1, max_size=6))
 def test_lengths_fit_as_sound_roles_says(pdus: list[bytes]) -> None:
     data = np.frombuffer(b"".join(b"\x01" + pdu + b"\0\0" for pdu in pdus), np.uint8)

@@ -55,7 +55,7 @@ def _of_candidates(found: candidates.Candidates) -> list[Any]:
     return [*(str(column.dtype) for column in columns), *_values(columns)]
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(BYTES)
 def test_candidates(octets: bytes) -> None:
     data = np.frombuffer(octets, np.uint8)
@@ -70,7 +70,7 @@ def test_candidates(octets: bytes) -> None:
     assert _of_candidates(few) == _of_candidates(many)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(BYTES, st.data())
 def test_forced_runs(octets: bytes, draw: st.DataObject) -> None:
     data = np.frombuffer(octets, np.uint8)
@@ -91,7 +91,7 @@ def _but_asks(runs: forced.ForcedRuns) -> list[Any]:
     return [column for name, column in runs._asdict().items() if name != "asks"]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.lists(FRAMES | POLLS | ECHOES, min_size=1, max_size=6))
 def test_answers(frames: list[bytes]) -> None:
     octets = b"".join(frames) + b"\0\0"
@@ -132,7 +132,7 @@ def test_rows_of_streams(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert short == [_told(*each) for each in fed]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=90, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2), *[st.sampled_from((0, 0, 1))] * 5), min_size=1, max_size=12))
 def test_odd_rows(drawn: list[tuple[int, ...]]) -> None:
     rows = Rows.zeros(len(drawn))

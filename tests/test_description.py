@@ -197,7 +197,7 @@ def _sequence(polls: list[int]) -> PollSequence:
 
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=12, unique=True), st.integers(0, 11))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_any_round_is_found_wherever_the_capture_begins(turn: list[int], begin: int) -> None:
     polls = (turn * 8)[begin % len(turn) :]
     found = bus_round(_sequence(polls), timed=True)

@@ -96,7 +96,7 @@ def test_every_function_reads_as_its_frames_do(code):
 
 
 @given(data=st.data())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 def test_vendors_functions_read_as_their_frames_do(tmp_path_factory, data):
     file = tmp_path_factory.getbasetemp() / "vendor.py"
     file.write_text(VENDOR, encoding="utf-8")

@@ -66,7 +66,7 @@ def test_every_function(code: int) -> None:
 
 
 @given(data=st.data())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 def test_vendors_functions(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     file = tmp_path_factory.getbasetemp() / "vendor_spoken.py"
     file.write_text(VENDOR, encoding="utf-8")

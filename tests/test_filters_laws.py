@@ -331,7 +331,7 @@ def agrees(tree: Tree, spelling: dict[str, str], found: Seen) -> None:
     assert got == [said(tree, row) for row in found.rows], text
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(TREES, st.sampled_from(SPELLINGS), st.integers(0, 1))
 def test_any_expression_says_what_the_reference_says(tree: Tree, spelling: dict[str, str], which: int) -> None:
     agrees(tree, spelling, captured()[which])
@@ -340,7 +340,7 @@ def test_any_expression_says_what_the_reference_says(tree: Tree, spelling: dict[
 def test_and_on_a_noisy_bus(tmp_path: Any) -> None:
     found = noisy(tmp_path)
 
-    @settings(max_examples=100, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(TREES)
     def law(tree: Tree) -> None:
         agrees(tree, {}, found)
@@ -373,7 +373,7 @@ def test_rows_pass_alike_however_the_table_is_cut(tree: Tree, cuts: list[int]) -
     assert np.concatenate(pieces).tolist() == compiled.mask(table).tolist()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(st.data())
 def test_values_of_any_function_are_found_where_decoding_finds_them(data: st.DataObject) -> None:
     """Few rows are decoded for a test that few numbers pass; of damaged frames and listed values no other ones."""
@@ -394,7 +394,7 @@ WORDS = st.sampled_from(
 )  # fmt: skip
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(
     st.one_of(
         st.text(max_size=60), st.lists(WORDS, max_size=14).map(" ".join), st.lists(WORDS, max_size=14).map("".join)

@@ -186,7 +186,7 @@ def hostile(number):
 
 @given(st.integers(0, 2**32))
 @example(7)
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=75, deadline=None, suppress_health_check=list(HealthCheck))
 def test_whatever_a_state_says_reading_it_calls_nothing_and_ends_in_one_line(number):
     data = hostile(number)
     with package("attack.states").nothing_called():
@@ -198,7 +198,7 @@ def test_whatever_a_state_says_reading_it_calls_nothing_and_ends_in_one_line(num
 
 
 @given(st.binary(max_size=400))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=90, deadline=None)
 def test_any_bytes_are_refused(data):
     with pytest.raises(FleetError):
         resumed(data)

@@ -201,7 +201,7 @@ def test_however_it_is_read(kind: str) -> None:
 
 
 @given(st.lists(st.tuples(st.integers(65, 72), st.binary(min_size=1, max_size=30)), min_size=1, max_size=40))
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=90)
 def test_a_vendors_function_is_no_meters_talk_but_by_rare_chance(said: list[tuple[int, bytes]]) -> None:
     talk = MeterTalk()
     named = [talk.name(crc(bytes((17, code)) + data), undeclared=True) for code, data in said]

@@ -42,7 +42,7 @@ from captures.network.tcp import ConnectionGroup, Half, Reassembly
 from captures.recording.notes import Note
 from dissectors.crc import crc_bytes
 
-FILES = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FILES = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 TSHARK = shutil.which("tshark")
 
 
@@ -316,7 +316,7 @@ seeds = [
 
 
 @pytest.mark.parametrize("which", range(len(seeds)))
-@settings(FILES, max_examples=150)
+@settings(FILES, max_examples=75)
 @given(data=st.data())
 def test_damaged_bytes_never_crash_a_reader(tmp_path: Path, which: int, data: st.DataObject) -> None:
     content = bytearray(seeds[which])

@@ -43,7 +43,7 @@ def scenarios(draw: st.DrawFn, seed: int) -> Scenario:
     return Scenario(None, _tap(draw, code), transactions=40, seed=seed, baud=draw(rates), defect=code)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data(), seeds)
 def test_a_seed_is_a_bus_whatever_fault_tap_or_rate(data: st.DataObject, seed: int) -> None:
     plain = simulate(Scenario(None, "precise", transactions=40, seed=seed))

@@ -694,7 +694,7 @@ def test_why_noise_is_noise_is_not_said_against_itself() -> None:
     assert not any(re.match(r"на \d*(?<!1)[234] бит ", each) for each in told)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(-2, 12), st.floats(0, 6), st.integers(1, 256)), min_size=1, max_size=40))
 def test_bytes_are_counted_when_they_were_on_the_line(rows: list[tuple[float, float, int]]) -> None:
     begins, takes, lengths = (np.array(column) for column in zip(*rows, strict=True))

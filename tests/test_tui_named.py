@@ -113,7 +113,7 @@ def _read(source: CaptureSource) -> Bus:
 
 
 @given(meant())
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@settings(max_examples=120, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 def test_what_a_value_is_shown_as_finds_and_filters_it(value: Meant) -> None:
     bus = _read(value.source)
     assert bus.frames == 6
