@@ -15,9 +15,7 @@ _OURS: Final = b'<meta name="generator" content="rtuscope'  # a page of ours sho
 _BEGINS: Final = (b"<!doctype html", b"<html")
 _NAMED: Final = 40  # characters in which an encoding is named
 _SHOWN: Final = 4  # bytes in a row that are no chance
-_LINES: Final = frozenset(
-    ("p", "div", "br", "hr", "tr", "table", "li", "dd", "pre", "h1", "h2", "h3", "h4", "h5")
-)
+_LINES: Final = frozenset(("p", "div", "br", "hr", "tr", "table", "li", "dd", "pre", "h1", "h2", "h3", "h4", "h5"))
 _CELLS: Final = frozenset(("td", "th"))
 _UNSHOWN: Final = frozenset(("script", "style", "title"))
 
