@@ -26,6 +26,72 @@ Frequency;Hz;UInt16;-;-;0x0060;0.01
         ],
         "",
     ),
+    "addresses that a sentence composes of two columns, bars within cells": (
+        "gateway.md",
+        b"""# Gateway
+
+Address = page * 100 + place
+
+| Signal | type [states] \\| (limits) | Unit | Writable | Page | Place | Scale |
+|---|---|---|---|---|---|---|
+| Flow | uint16 (0..900) | l/s | false | 0 | 7 | 1/10 |
+| Mode | uint16 [off\\|on] | | true | 2 | 1 | 1 |
+| Level | int16 | m | false | 2 | 12 | 1/100 |
+| Sum | uint32 | kg | false | 13 | 40 | 1 |
+""",
+        [
+            "holding 7 u16 x0.1 l/s r Flow",
+            "holding 201 u16 rw Mode",
+            "holding 212 s16 x0.01 m r Level",
+            "holding 1340 u32 kg r Sum",
+        ],
+        "",
+    ),
+    "a tree that signs draw, areas and registers in it, a count below": (
+        "plant.txt",
+        """Plant export
+├── Pump [unit 3]
+│   ├── Input registers
+│   │   ├── 4     Flow          INT16    x0.1   l/s
+│   │   ├── 5     Load          UINT16   x10    kg
+│   │   └── 6     Level         INT16    x0.01  m
+│   └── Coils
+│       └── 9     Run           BOOL
+└── Tank [unit 4]
+    └── Holding registers
+        ├── 20    Set point     INT16    x0.1   m
+        └── 21    Sum           UINT32   x1     kg
+
+2 devices, 6 points
+""".encode(),
+        [
+            "input 4 s16 x0.1 l/s r Flow",
+            "input 5 u16 x10 kg r Load",
+            "input 6 s16 x0.01 m r Level",
+            "coil 9 bool Run",
+            "holding 20 s16 x0.1 m Set point",
+            "holding 21 u32 kg Sum",
+        ],
+        "",
+    ),
+    "places of digits behind names, as makers of drives write them": (
+        "drive.txt",
+        b"""Address   R/W   Function
+2101H     RW    Frequency set (XXX.XX Hz)
+2103H     R     Output frequency (XXX.XX Hz)
+2104H     R     Output current (XX.X A)
+2105H     R     Motor speed (XXXXX rpm)
+210FH     R     Output power (X.XXX kW)
+""",
+        [
+            "holding 8449 u16 x0.01 Hz rw Frequency set",
+            "holding 8451 u16 x0.01 Hz r Output frequency",
+            "holding 8452 u16 x0.1 A r Output current",
+            "holding 8453 u16 rpm r Motor speed",
+            "holding 8463 u16 x0.001 kW r Output power",
+        ],
+        "",
+    ),
     "blocks of the same offsets, types behind names": (
         "charger.md",
         b"""Hex addresses. Outlet A starts at 0x0100, outlet B at 0x0200.

@@ -220,7 +220,7 @@ def _kept(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> I
 
 
 def _laid(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
-    """How many addresses lie before a record from those that are side by side, by the sizes of types; of bits one each."""
+    """How many addresses lie before a record among those side by side, by the sizes of types; any other has one."""
     begin: Record = {}
     laid = 0
     for record in records:

@@ -23,6 +23,7 @@ from ..headings import (
     is_rule,
     is_value,
     of_values,
+    with_composed,
     without_width,
 )
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
@@ -71,7 +72,8 @@ class _TableRows:
 
     def __init__(self, source: MapSource, sheet: MapSheet, device: str) -> None:
         self.builder = MapBuilder(source.name, device=f"{source.stem} {device}".strip())
-        shown = [[text_of(row)] if is_title(row) else row for row in self._visible(sheet)]
+        visible = self._visible(sheet)
+        shown = [[text_of(row)] if is_title(row) else row for row in with_composed(visible, texts_alone(visible))]
         self.rows = headed(shown)
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
