@@ -92,6 +92,56 @@ Address = page * 100 + place
         ],
         "",
     ),
+    "feet of left and right pages, rights of commands, a text of UTF-8": (
+        "meter.txt",
+        b"""Register list
+
+ Register      Action     Size      Type           Units        Description
+              (R/W/WC)
+ 3000            R          2       FLOAT32        A            Current A
+ 3002            R          2       FLOAT32        A            Current B
+ 3010            R          2       FLOAT32        V            Voltage A
+
+ DOC0417EN                                                                    51
+ Register      Action     Size      Type           Units        Description
+              (R/W/WC)
+ 3204            R          4       INT64          Wh           Energy
+ 2014            R/WC       1       INT16U         s            Interval
+ 50              R          20      UTF8           -            Model
+ 5250            W          1       INT16U         -            Command
+
+ 52                                                                    DOC0417EN
+""",
+        [
+            "holding 3000 f32 A r Current A",
+            "holding 3002 f32 A r Current B",
+            "holding 3010 f32 V r Voltage A",
+            "holding 3204 s64 Wh r Energy",
+            "holding 2014 u16 s rw Interval",
+            "holding 50 text r Model",
+            "holding 5250 u16 w Command",
+        ],
+        "",
+    ),
+    "types that stand for areas, as a line above says": (
+        "list.txt",
+        b"""Type:  I = integer,  D = digital
+Mapping:  I -> holding register,  D -> coil.
+
+Type   Idx   Modbus   R/W   Unit   Description
+I      7     128      R     %      Valve
+I      9     129      R     K      Difference
+D      1     0        R/W   -      Unit on
+D      3     2        R     -      Alarm
+""",
+        [
+            "holding 128 u16 % r Valve",
+            "holding 129 u16 K r Difference",
+            "coil 0 bool rw Unit on",
+            "coil 2 bool r Alarm",
+        ],
+        "",
+    ),
     "blocks of the same offsets, types behind names": (
         "charger.md",
         b"""Hex addresses. Outlet A starts at 0x0100, outlet B at 0x0200.

@@ -313,7 +313,7 @@ text_sensor:
         "export.json",
         b"""{"dataPoints": [
 {"xid": "DP_1", "name": "Flow", "engineeringUnits": "l/s", "pointLocator": {"range": "HOLDING_REGISTER",
- "modbusDataType": "FOUR_BYTE_FLOAT_SWAPPED", "offset": 12, "multiplier": 1.0, "additive": 0.0, "settableOverride": true}},
+ "modbusDataType": "FOUR_BYTE_FLOAT_SWAPPED", "offset": 12, "multiplier": 1.0, "settableOverride": true}},
 {"xid": "DP_2", "name": "Level", "engineeringUnits": "m", "pointLocator": {"range": "INPUT_REGISTER",
  "modbusDataType": "TWO_BYTE_INT_SIGNED", "offset": 3, "multiplier": 0.01, "additive": -2.0}},
 {"xid": "DP_3", "name": "Open", "pointLocator": {"range": "INPUT_STATUS", "modbusDataType": "BINARY", "offset": 9}},
@@ -323,12 +323,13 @@ text_sensor:
     ),
     "niagara: logical addresses of all areas, facets, conversions": (
         "points.csv",
-        """Name,Type,Facets,Proxy Ext.Address Format,Proxy Ext.Data Address,Proxy Ext.Reg Type,Proxy Ext.Data Type,Proxy Ext.Conversion
+        b"""Name,Type,Facets,Proxy Ext.Address Format,Proxy Ext.Data Address,Proxy Ext.Reg Type,\
+Proxy Ext.Data Type,Proxy Ext.Conversion
 Flow,Numeric Point,"units=u:liter;l;;;,precision=i:1",Modbus,30008,Input,Float,Default
 Level,Numeric Writable,"units=u:meter;m;(m);;",Modbus,40101,Holding,Signed Integer,"Linear (scale=0.01, offset=-2.0)"
 Run,Boolean Writable,"trueText=s:On",Modbus,00003,Coil,,Default
 Load,Numeric Point,,Decimal,12,Input,Unsigned Long,Default
-""".encode(),
+""",
         ["input 7 f32 l r Flow", "holding 100 s16 x0.01 +-2 m rw Level", "coil 2 bool rw Run", "input 12 u32 r Load"],
         "",
     ),
@@ -346,7 +347,8 @@ Load,Numeric Point,,Decimal,12,Input,Unsigned Long,Default
         b"""drvModbusAsynConfigure("IN", "PLC", 1, 4, 0x20, 20, INT16, 500, "x")
 drvModbusAsynConfigure("OUT","PLC", 1, 16, 200, 8, 0, 1, "x")
 drvModbusAsynConfigure("DO", "PLC", 1, 5, 8, 8, 0, 1, "x")
-record(ai,"$(P)LT") { field(DESC,"Level") field(INP,"@asyn(IN,3)") field(LINR,"SLOPE") field(ESLO,"0.01") field(EGU,"m") }
+record(ai,"$(P)LT") { field(DESC,"Level") field(INP,"@asyn(IN,3)") field(LINR,"SLOPE")
+ field(ESLO,"0.01") field(EGU,"m") }
 record(ao,"$(P)SP") { field(DESC,"Speed set") field(OUT,"@asyn(OUT,2)FLOAT32_LE") field(EGU,"rpm") }
 record(bo,"$(P)RUN") { field(OUT,"@asynMask(DO,1,0x1)") }
 record(calc,"$(P)C") { field(DESC,"Sum") field(INPA,"3") }
