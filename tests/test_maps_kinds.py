@@ -11,6 +11,130 @@ from dissectors.maps.importers import import_maps
 from dissectors.maps.written import order_of
 
 _FILES = {
+    "HTML whose cells of types, units and rights hold for several rows": (
+        "releve.html",
+        """<table>
+<tr><th>Adresse</th><th>Libellé</th><th>Type</th><th>Unité</th><th>Coef.</th><th>Accès</th></tr>
+<tr><td>100</td><td>Tension L1</td><td rowspan="2">uint16</td><td rowspan="2">V</td><td rowspan="2">0,1</td>
+<td rowspan="3">Lecture</td></tr>
+<tr><td>101</td><td>Tension L2</td></tr>
+<tr><td>103-104</td><td>Energie</td><td>uint32</td><td>kWh</td><td>0,01</td></tr>
+<tr><td>110</td><td>Consigne</td><td>int16</td><td>°C</td><td>0,1</td><td>Lecture/Ecriture</td></tr>
+</table>
+""",
+        [
+            "holding 100 u16 x0.1 V r Tension L1", "holding 101 u16 x0.1 V r Tension L2",
+            "holding 103 u32 x0.01 kWh r Energie", "holding 110 s16 x0.1 °C rw Consigne",
+        ],
+    ),
+    "tables of states between, which have no addresses": (
+        "pumpe.md",
+        """
+## Halteregister
+
+| Register | Bezeichnung | Datentyp | Faktor | Einheit | Zugriff |
+|---|---|---|---|---|---|
+| 10 | Betriebsart | uint16 | | | R/W |
+
+| Wert | Bedeutung |
+|---|---|
+| 0 | Aus |
+| 1 | Hand |
+
+| Register | Bezeichnung | Datentyp | Faktor | Einheit | Zugriff |
+|---|---|---|---|---|---|
+| 20 | Istdruck | int16 | 0.01 | bar | R |
+
+| Code | Bedeutung |
+|---|---|
+| 1 | Trockenlauf |
+| 2 | Motor zu heiß |
+""",
+        ["holding 10 u16 rw Betriebsart", "holding 20 s16 x0.01 bar r Istdruck"],
+    ),
+    "logical numbers of coils that a spreadsheet took the zeros from": (
+        "mapa.csv",
+        """Registro;Nombre;Tipo;Escala;Unidad;L/E
+1;Marcha bomba;BOOL;;;E
+2;Paro bomba;BOOL;;;E
+10001;Bomba en marcha;BOOL;;;L
+30001;Caudal;UINT16;0,1;m3/h;L
+40001;Consigna;UINT16;0,01;bar;L/E
+""",
+        [
+            "coil 0 bool w Marcha bomba", "coil 1 bool w Paro bomba", "discrete 0 bool r Bomba en marcha",
+            "input 0 u16 x0.1 m3/h r Caudal", "holding 0 u16 x0.01 bar rw Consigna",
+        ],
+    ),
+    "a remark that says another step than the row does": (
+        "trasduttore.csv",
+        """Indirizzo,Descrizione,Tipo,Fattore,UM,Accesso,Note
+0,Tensione L1,uint16,"0,1",V,R,
+1,Rapporto TA,uint16,1,,RW,primario / 5A
+""",
+        ["holding 0 u16 x0.1 V r Tensione L1", "holding 1 u16 rw Rapporto TA"],
+    ),
+    "constants in brackets, steps behind types, numbers that are no registers": (
+        "regs.h",
+        """// Holding registers, zero based
+// Bus address and limits
+#define SLAVE_ID 5
+#define RX_BUF_SIZE 256
+// --- Measurements (read only, function 0x04) ---
+#define MB_IN_TEMP      (0x0000) /* s16 0.1 °C */
+#define MB_IN_HUM       ((uint16_t)0x0001) /* u16 0.1 %RH */
+// --- Settings (function 0x03/0x06) ---
+#define MB_HOLD_SP      (0x0100u) /* s16 0.1 °C */
+""",
+        [
+            "input 0 s16 x0.1 °C r MB_IN_TEMP", "input 1 u16 x0.1 %RH r MB_IN_HUM",
+            "holding 256 s16 x0.1 °C rw MB_HOLD_SP",
+        ],
+    ),
+    "bits of a PLC, counted one by one or behind their bytes": (
+        "globals.st",
+        """VAR_GLOBAL
+  bEin   AT %QX1 : BOOL; (* Pumpe ein *)
+  bAus   AT %QX1.2 : BOOL; (* Pumpe aus *)
+  bLauf  AT %IX3 : BOOL; (* Pumpe läuft *)
+  iDruck AT %IW0 : INT;  (* Druck, 0.01 bar *)
+END_VAR
+""",
+        ["coil 1 bool bEin", "coil 10 bool bAus", "discrete 3 bool r bLauf", "input 0 s16 x0.01 bar r iDruck"],
+    ),
+    "records whose keys are names, not areas": (
+        "registers.json",
+        """{"output_voltage": {"addr": 10, "type": "uint16", "scale": 0.1, "unit": "V"},
+"input_voltage": {"addr": 11, "type": "uint16", "scale": 0.1, "unit": "V"},
+"coil_temperature": {"addr": 12, "type": "int16", "scale": 0.1, "unit": "°C"}}
+""",
+        [
+            "holding 10 u16 x0.1 V output_voltage", "holding 11 u16 x0.1 V input_voltage",
+            "holding 12 s16 x0.1 °C coil_temperature",
+        ],
+    ),
+    "a value said twice, once of reading with its factor and once of writing": (
+        "gateway.json",
+        """{"slaves": [{"timeseries": [
+{"tag": "supplyTemp", "type": "16int", "functionCode": 4, "objectsCount": 1, "address": 0, "divider": 10},
+{"tag": "setpoint", "type": "16uint", "functionCode": 3, "objectsCount": 1, "address": 5, "divider": 10}],
+"attributeUpdates": [{"tag": "setpoint", "type": "16uint", "functionCode": 6, "objectsCount": 1, "address": 5}]}]}
+""",
+        ["input 0 s16 x0.1 r supplyTemp", "holding 5 u16 x0.1 rw setpoint"],
+    ),
+    "a wiki's rights in bold": (
+        "licznik.mediawiki",
+        """== Rejestry pamiętające ==
+{| class="wikitable"
+! Adres !! Nazwa !! Typ !! Mnożnik !! Jednostka !! Uwagi
+|-
+| 0x10 || Limit prądu || uint16 || 0,1 || A || 6..32; '''odczyt/zapis'''
+|-
+| 0x11 || Prędkość || uint16 || || || '''odczyt/zapis'''
+|}
+""",
+        ["holding 16 u16 x0.1 A rw Limit prądu", "holding 17 u16 rw Prędkość"],
+    ),
     "addresses that a note calls those of the protocol, decimals under a short word": (
         "inverter.csv",
         """

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Final
 
+from .cells import fraction
 from .vocabulary import (
     NEVER,
     WIDE_SIGNS,
@@ -147,7 +148,9 @@ def facts_of(cells: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
     left["name"], behind = name_apart(left["name"])
     remarks = (facts_in_remark(left.get(key, "")) for key in ("description", "range"))
     for found in (of_scale, of_unit, behind, *remarks):
-        told = {**found, **dict(filter(all, told.items()))}
+        told = dict(filter(all, told.items()))
+        steps = {fraction("scale", {"scale": "1", **both}["scale"]) for both in ({**told, **found}, {**found, **told})}
+        told = {**(found, {})[len(steps) > 1], **told}  # a remark that says another step is of something else
     told = {**dict.fromkeys(TOLD, ""), **told}
     low, high = (float(told[key].replace(",", ".") or number) for key, number in (("low", "-inf"), ("high", "inf")))
     return {**told, **({} if low <= high else {"low": "", "high": ""})}, left

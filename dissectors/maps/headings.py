@@ -15,7 +15,7 @@ from operator import mul
 from typing import Final
 
 from .roles import Table, TableColumn, assigned, column_cells, heading_weight, is_heading, may_be_heading
-from .vocabulary import WHOLE, expression, form, heading_bits, plain_heading
+from .vocabulary import WHOLE, expression, form, heading_bits, plain_heading, roles
 from .written import AddressForm, address_form, area_words, numbers_in
 
 _TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table without a heading
@@ -88,6 +88,12 @@ def of_values(rows: Table) -> Table:
 def is_value(row: Sequence[str]) -> bool:
     """Whether a row may be one of values: no title, no line between others."""
     return sum(map(bool, row)) > 1 and not is_rule(row)
+
+
+def is_other_heading(row: Sequence[str]) -> bool:
+    """Whether a row is the heading of a table of bits or states: all its words are of headings, none of addresses."""
+    known = [{role for role in roles() if heading_bits(plain_heading(cell), role)} for cell in filter(None, row)]
+    return len(known) > 1 and all(known) and not any("address" in one for one in known)
 
 
 def is_rule(row: Sequence[str]) -> bool:

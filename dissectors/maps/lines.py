@@ -202,17 +202,18 @@ def _opened(_: Mapping[str, str], __: _RegisterLine) -> _RegisterLine:
 
 
 def _constant(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
-    """A name for an address; that of a double word counts two registers, a bit of a byte is one of its own."""
-    times, area = _PLACES.get(f"{said.get('space', '')}{said['wide']}", (2 if said["wide"] == "D" else 1, ""))
+    """A name for an address; that of a double word counts two registers, that of a byte before a bit eight bits."""
+    space = f"{said.get('space', '')}{said['wide']}{'.' * (said.get('bit', '') != '')}"
+    times, area = _PLACES.get(space, (2 if said["wide"] == "D" else 1, ""))
     number = times * numbers_in(said["address"])[0] + int(f"0{said.get('bit', '')}")
     address = said["address"] if times == 1 else str(number)
     return replace(_named(address, said, tidied("type", said["type"])), area=area)
 
 
 _PLACES: Final = {
-    **dict.fromkeys(("M", "Q"), (1, "coil")), **dict.fromkeys(("MX", "QX"), (8, "coil")), "I": (1, "discrete"),
-    "IX": (8, "discrete"), "IW": (1, "input"), "ID": (2, "input"), **dict.fromkeys(("MW", "QW"), (1, "holding")),
-    **dict.fromkeys(("MD", "QD"), (2, "holding")),
+    **dict.fromkeys(("M", "Q", "MX", "QX"), (1, "coil")), **dict.fromkeys(("MX.", "QX."), (8, "coil")),
+    **dict.fromkeys(("I", "IX"), (1, "discrete")), "IX.": (8, "discrete"), "IW": (1, "input"), "ID": (2, "input"),
+    **dict.fromkeys(("MW", "QW"), (1, "holding")), **dict.fromkeys(("MD", "QD"), (2, "holding")),
 }  # fmt: skip
 """How many addresses of Modbus an address of IEC 61131 counts, and of which area."""
 

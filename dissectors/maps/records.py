@@ -63,9 +63,7 @@ def _remarks(text: str, *, is_source: bool) -> Iterator[str]:
 
 def _sentences(tree: Any) -> list[str]:
     """What a file says at its head of how addresses count."""
-    plain = tree.items() if isinstance(tree, Mapping) else ()
-    said = (f"{_word(key)}: {value}" for key, value in plain if not _is_nested(value))
-    return [*filter(_counts, said)]
+    return [*filter(_counts, map(": ".join, _plain(tree).items()))]
 
 
 def _counts(text: str) -> bool:
@@ -187,15 +185,18 @@ def _named_places(node: Mapping[str, Any], given: Record) -> Iterator[Record]:
 
 def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """What a mapping is, where nothing that it holds has an address, else the records in it."""
-    cells, plain = dict(_cells(node)), {_word(key): "1" for key, value in node.items() if not _is_nested(value)}
+    cells, plain = dict(_cells(node)), _plain(node)
     named = (part for key, part in node.items() if form("of_defaults", str(key)))
     usual = (dict(_cells(part)) for part in named if isinstance(part, Mapping))
     given = {**given, **next(usual, {})}
     shared = {**given, **_shared_by({key: cells[key] for key in plain})}
+    told = {key: _told(str(key)) for key in node}
+    records = [key for key, part in node.items() if _has_address(_plain(part))]
+    told |= {key: {} for key in records * ({} in map(told.get, records))}  # they are names
     below = [
         record
         for key, part in islice(node.items(), _MOST)
-        for record in _found(part, (*path, str(key)), _with(shared, _told(str(key))))
+        for record in _found(part, (*path, str(key)), _with(shared, told[key]))
     ]
     place = _place(path, cells)
     speaks = len(plain) >= _FEW and any(map(numbers_in, cells.values()))
@@ -295,6 +296,12 @@ def _cells(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield from _cells(value)
         else:
             yield _word(key), _text(value)
+
+
+def _plain(node: Any) -> Record:
+    """The values of a mapping, without those of what it holds; of anything else nothing."""
+    own = node.items() if isinstance(node, Mapping) else ()
+    return {_word(key): _text(value) for key, value in own if not _is_nested(value)}
 
 
 def _are_states(value: Mapping[Any, Any]) -> bool:

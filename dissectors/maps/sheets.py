@@ -35,6 +35,17 @@ _UNKNOWN: Final = re.compile(rb"</f>(?:<v\s*/>|<v></v>)?</c>")
 _MERGE: Final = re.compile("<mergeCell [^>]*ref=.([A-Z]{1,3}[0-9]{1,7}:[A-Z]{1,3}[0-9]{1,7})")
 
 
+class HeldCell(str):
+    """Nothing, in a place that a cell of a row above holds: that has the text `above`."""
+
+    above: str
+
+    def __new__(cls, above: str) -> HeldCell:
+        cell = super().__new__(cls)
+        cell.above = above
+        return cell
+
+
 @dataclass(frozen=True, slots=True)
 class MapSheet:
     """A sheet's `rows`, the columns that it hides (from 0), and what is to be said of it."""
@@ -132,6 +143,8 @@ def _rows_of(sheet: Any, most_rows: int, *, merged: bool) -> list[list[str]]:
             row, first = area.min_row - 1, area.min_col - 1
             if row < len(rows) and area.min_col < area.max_col < len(rows[row]):  # not a title over the whole table
                 rows[row][first : area.max_col] = [rows[row][first]] * (min(area.max_col, len(rows[row])) - first)
+            for below in rows[row + 1 : area.max_row] if area.min_col == area.max_col <= len(rows[0]) else ():
+                below[first] = HeldCell(rows[row][first])
     return rows
 
 
@@ -188,7 +201,7 @@ def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]
 
     row, cell, mark, span = (expression(layout.get(part, "(?!)")) for part in ("row", "cell", "marks", "span"))
     line_break = expression(layout.get("break", "(?!)"))
-    above: dict[int, int] = {}  # rows that a column still holds of a cell above
+    above: dict[int, list[str]] = {}  # what the next rows have in a column of a cell above
     rows = []
     for line in (found[1] for found in islice(row.finditer(text), most)):
         shown: list[str] = []
@@ -201,18 +214,18 @@ def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]
             spans = {name.lower(): int(count) for name, count in span.findall(part.groupdict().get("spans") or "")}
             width = max(1, spans.get("colspan", 1)) if len(parts) > 1 else 1  # alone: a title
             columns = range(len(shown), min(len(shown) + width, _MOST_COLUMNS))
-            above |= dict.fromkeys(columns, spans.get("rowspan", 1) - 1)
-            shown += [unescape(mark.sub("", line_break.sub("\n", part["cell"] or ""))).strip()[:_CELL]] * len(columns)
+            text = unescape(mark.sub("", line_break.sub("\n", part["cell"] or ""))).strip()[:_CELL]
+            above |= {column: [HeldCell(text)] * (spans.get("rowspan", 1) - 1) for column in columns}
+            shown += [text] * len(columns)
         _pass_spanned(shown, above)
         rows.append(shown)
     return rows
 
 
-def _pass_spanned(shown: list[str], above: dict[int, int]) -> None:
+def _pass_spanned(shown: list[str], above: Mapping[int, list[str]]) -> None:
     """Nothing in the next columns of a row, as long as a cell above holds them."""
-    while above.get(len(shown), 0) > 0:
-        above[len(shown)] -= 1
-        shown.append("")
+    while above.get(len(shown)):
+        shown.append(above[len(shown)].pop())
 
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:

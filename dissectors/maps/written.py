@@ -23,10 +23,15 @@ _PARTS: Final = re.compile(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*")
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
 _LONGEST: Final = 1000  # characters of a title
+_LOGICAL_DIGITS: Final = 5  # at least
 _READING: Final = frozenset({1, 2, 3, 4})
 _READING_ONLY: Final = frozenset({2, 4})  # of areas that nobody can write
 
 _LONGER: Final = {("f32", 4): "f64", ("bcd16", 2): "bcd32"}
+
+
+_LOGICAL: Final = (r"[0134]\d{4,5}", r"[0134]\d{4,5}|[1-9]\d{0,3}")
+"""Logical numbers; beside those of discrete inputs also of coils that spreadsheets took their zeros from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +87,7 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
         is_hex,
         is_said,
         has_bits=any(bits),
-        is_logical=_any_like(r"[34].*", numbers) and _all_like(r"[0134]\d{4,5}", numbers),
+        is_logical=_any_like(r"[34].*", numbers) and _all_like(_LOGICAL[_any_like("10{3,4}[1-9]", numbers)], numbers),
         is_plain=_is_plain(heading, numbers),
         has_prefixes=_any_like(r"[134][xX]\d+", parts),
         is_digital=_all_like(r"[01](?!0000)\d{4}", numbers),
@@ -118,6 +123,7 @@ def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     numbers = _NUMBER.findall(cell)
     if not numbers:
         return None
+    numbers[0] = numbers[0].zfill(_LOGICAL_DIGITS * form_of.is_logical)
     first, *others = map(_whole, numbers)
     prefixed = expression(rf"[{'0' * form_of.has_prefixes}134][xX]\d+").fullmatch(numbers[0]) is not None
     last = others[0] if len(others) == 1 and others[0] >= first else None

@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import count
 from pathlib import PurePath
@@ -284,10 +284,8 @@ class MapBuilder:
             return
         twins = self._at.setdefault((row.area, row.address), {})
         twin = twins.get(row.name)
-        if twin and replace(twin, access=row.access) == row:  # said again, or once of reading and once of writing
-            access = "".join(sorted({*twin.access, *row.access}))
-            if access != twin.access:
-                self.rows[self.rows.index(twin)] = twins[row.name] = replace(twin, access=access)
+        if twin and (both := _together(twin, row)):
+            self.rows[self.rows.index(twin)] = twins[row.name] = both
             return
         if len(twins) >= _MOST_TWINS:
             self.note(f"{what}: over {_MOST_TWINS} values at {row.area} {row.address}")
@@ -347,6 +345,16 @@ class MapBuilder:
         return ImportedMap(chart, tuple(notes))
 
 
+def _together(one: MappedValue, other: MappedValue) -> MappedValue | None:
+    """Two values of a name as one, where they say the same or one of them more, as once of reading and once of writing;
+    None where they say different things."""
+    plain = MappedValue(one.area, one.address, one.name, one.type, one.order, one.length)
+    rows = [(row, [part for part in _TOLD if getattr(row, part) != getattr(plain, part)]) for row in (one, other)]
+    first, second = ({part: getattr(row, part) for part in parts} for row, parts in rows)
+    access = "".join(sorted({*one.access, *other.access, *"r" * (one.access != other.access)}))
+    return replace(one, **first | second, access=access) if first | second == second | first else None
+
+
 def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
     """The rows; two neighbours that are named as the words of one value are that value."""
     done = [*rows[:1]]
@@ -362,6 +370,7 @@ def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
     return done
 
 
+_TOLD: Final = tuple(part.name for part in fields(MappedValue) if part.name not in ("access", "group"))
 _OF_ONE_REGISTER: Final = {("u16", 1), ("s16", 1), ("bits", 1)}  # whose bits may have names
 _WIDER: Final = {"s": "s32", "f": "f32"}
 _LENGTH: Final = ("length",)

@@ -20,6 +20,7 @@ from ..headings import (
     headed,
     heading_of,
     headings_in,
+    is_other_heading,
     is_rule,
     is_value,
     of_values,
@@ -54,6 +55,8 @@ _OF_TYPES: Final = ("coil", "holding")  # areas that types may say
 _FEW: Final = 2  # cells of a row that may be a footnote
 _MOST_HEADINGS: Final = 100  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
+_OF_SEVERAL: Final = ("unit", "scale", "divisor", "decimals", "power", "type", "access", "writable", "order")
+"""Columns whose merged cells hold for each row beside them."""
 _OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
 _MOST_BLOCKS: Final = 16  # that have the same offsets
 _AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
@@ -87,6 +90,7 @@ class _TableRows:
         self.heading = TableHeading()
         self.alike: dict[tuple[str, ...], list[Sequence[str]]] = {}  # the rows below each heading, wherever it stands
         self.is_named = False
+        self.beside = 0  # cells of the rows of a table of bits or states between
         self.above = ""  # the area of the rows above
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
@@ -134,7 +138,7 @@ class _TableRows:
             columns["divisor"] = columns.pop("scale")
         self.heading, doubts = heading_of(row, columns, below, self.titles.numbering)
         self.builder.notes += doubts
-        self.above, self.register = "", None
+        self.above, self.register, self.beside = "", None, 0
         own = "" if "area" in self.heading.columns else plain_heading(row[self.heading.columns["address"]])
         self.titles.area = area_words(own) or self.titles.area
         return begin
@@ -170,7 +174,7 @@ class _TableRows:
                 held.append((number, [row]))
         for number, parts in held:
             texts = [[_JOINTS[has_only_states(cell)] + cell for cell in part] for part in parts[1:]]
-            yield number, ["".join(cells).strip() for cells in zip_longest(parts[0], *texts, fillvalue="")]
+            yield number, ["".join(cells).strip() or cells[0] for cells in zip_longest(parts[0], *texts, fillvalue="")]
 
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
@@ -180,11 +184,11 @@ class _TableRows:
 
     def _row(self, row: Sequence[str], what: str) -> None:
         """Take in a row: a line between others, a title, a bit of the register above, or values."""
-        cells = {key: cell.strip() for key, at in self.heading.columns.items() for cell in row[at : at + 1]}
-        cells = self.titles.without_marks(cells)
-        if is_rule(row) or self._is_bit(cells):
+        cells = self._cells(row)
+        filled = sum(map(bool, row))
+        if is_rule(row) or self._is_beside(row, filled) or self._is_bit(cells):
             return
-        if sum(map(bool, row)) == 1 or (sum(map(bool, row)) == _FEW and form("section", row[0])):
+        if filled == 1 or (filled == _FEW and form("section", row[0])):
             self._title(row)
             return
         held = self.above * (not self.heading.form.is_logical)  # one cell for several rows holds its text once
@@ -196,6 +200,19 @@ class _TableRows:
         spots = {title: place for title, place in others.items() if numbers_in(place)}
         for title, place in (spots or {"": cells.get("address", "")}).items():
             self._at(cells | {"address": place, "name": f"{cells.get('name', '')}{title}"}, what)
+
+    def _cells(self, row: Sequence[str]) -> Cells:
+        """The cells of a row by their roles, with those above that hold their places."""
+        shown = {key: cell for key, at in self.heading.columns.items() for cell in row[at : at + 1]}
+        held = {key: getattr(shown.get(key), "above", "") for key in _OF_SEVERAL}
+        cells = {key: cell.strip() for key, cell in shown.items()} | dict(filter(all, held.items()))
+        return self.titles.without_marks(cells)
+
+    def _is_beside(self, row: Sequence[str], filled: int) -> bool:
+        """Whether a row is of a table of bits or states that stands between: its heading, or no longer than that."""
+        is_heading = filled < len(self.heading.columns) and is_other_heading(row)
+        self.beside = filled if is_heading else self.beside * (filled != 1 and filled <= self.beside)
+        return self.beside > 0
 
     def _at(self, cells: Cells, what: str) -> None:
         """Add what stands at the address of a row, in each of the blocks that have it."""
