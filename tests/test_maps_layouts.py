@@ -142,6 +142,38 @@ D      3     2        R     -      Alarm
         ],
         "",
     ),
+    "a wiki's table with cells over several rows": (
+        "page.wiki",
+        b"""{| class="wikitable"
+! Area
+! style="width:9%" | Address
+! Name !! Type !! Scale !! Unit
+|-
+| rowspan="3" | Input register
+| 0 || Flow || rowspan="2" style="color:red" | int16 || 0.1 || l/s
+|-
+| 1 || Level || 0.01 || m
+|-
+| 4 || Sum || uint32 || 1 || kg
+|-
+| rowspan=2 | Holding register
+| 10
+| Set point
+| uint16
+| 0.1 || l/s
+|-
+| 11 || Interval || uint16 || 1 || s
+|}
+""",
+        [
+            "input 0 s16 x0.1 l/s r Flow",
+            "input 1 s16 x0.01 m r Level",
+            "input 4 u32 kg r Sum",
+            "holding 10 u16 x0.1 l/s Set point",
+            "holding 11 u16 s Interval",
+        ],
+        "",
+    ),
     "blocks of the same offsets, types behind names": (
         "charger.md",
         b"""Hex addresses. Outlet A starts at 0x0100, outlet B at 0x0200.
