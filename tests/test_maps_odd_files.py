@@ -490,6 +490,15 @@ REFUSED = {
     "TOML with a bare variable": ("t.conf", "[[inputs.modbus]]\n  slave_id = $UNIT\n", "line 2"),
     "all of it elsewhere": ("configuration.yaml", "modbus: !include modbus.yaml\n", "modbus.yaml"),
     "no headings": ("list.csv", "40001,Voltage,V\n40002,Current,A\n", "not a known register map.*heading"),
+    "numbers of parameters, many the same": (
+        "drive.txt",
+        "Programming guide of the PD 7\n\nThe number of a parameter is what the display shows.\n\n"
+        " 1-1*  Data of the motor at hand\n 1-10  Motor power of the plate  4 kW\n"
+        " 1-12  Motor voltage of the plate  400 V\n 1-13  Motor current of the plate  8.1 A\n"
+        "Ramps are of the set that is chosen.\n 2-0*  Ramps of the first set\n 2-01  Ramp up of the first set  3 s\n"
+        " 2-02  Ramp down of the first set  3 s\n 2-05  Limit of torque, both  160 %\nA restart keeps them all.\n",
+        "reads as prose",
+    ),
     "a template of templates": ("x.json.jinja", '{% set a = 1 %}\n{"device": {"channels": []}}', "line 1"),
 }  # fmt: skip
 
