@@ -26,6 +26,154 @@ Frequency;Hz;UInt16;-;-;0x0060;0.01
         ],
         "",
     ),
+    "addresses that a sentence composes of two columns, bars within cells": (
+        "gateway.md",
+        b"""# Gateway
+
+Address = page * 100 + place
+
+| Signal | type [states] \\| (limits) | Unit | Writable | Page | Place | Scale |
+|---|---|---|---|---|---|---|
+| Flow | uint16 (0..900) | l/s | false | 0 | 7 | 1/10 |
+| Mode | uint16 [off\\|on] | | true | 2 | 1 | 1 |
+| Level | int16 | m | false | 2 | 12 | 1/100 |
+| Sum | uint32 | kg | false | 13 | 40 | 1 |
+""",
+        [
+            "holding 7 u16 x0.1 l/s r Flow",
+            "holding 201 u16 rw Mode",
+            "holding 212 s16 x0.01 m r Level",
+            "holding 1340 u32 kg r Sum",
+        ],
+        "",
+    ),
+    "a tree that signs draw, areas and registers in it, a count below": (
+        "plant.txt",
+        """Plant export
+├── Pump [unit 3]
+│   ├── Input registers
+│   │   ├── 4     Flow          INT16    x0.1   l/s
+│   │   ├── 5     Load          UINT16   x10    kg
+│   │   └── 6     Level         INT16    x0.01  m
+│   └── Coils
+│       └── 9     Run           BOOL
+└── Tank [unit 4]
+    └── Holding registers
+        ├── 20    Set point     INT16    x0.1   m
+        └── 21    Sum           UINT32   x1     kg
+
+2 devices, 6 points
+""".encode(),
+        [
+            "input 4 s16 x0.1 l/s r Flow",
+            "input 5 u16 x10 kg r Load",
+            "input 6 s16 x0.01 m r Level",
+            "coil 9 bool Run",
+            "holding 20 s16 x0.1 m Set point",
+            "holding 21 u32 kg Sum",
+        ],
+        "",
+    ),
+    "places of digits behind names, as makers of drives write them": (
+        "drive.txt",
+        b"""Address   R/W   Function
+2101H     RW    Frequency set (XXX.XX Hz)
+2103H     R     Output frequency (XXX.XX Hz)
+2104H     R     Output current (XX.X A)
+2105H     R     Motor speed (XXXXX rpm)
+210FH     R     Output power (X.XXX kW)
+""",
+        [
+            "holding 8449 u16 x0.01 Hz rw Frequency set",
+            "holding 8451 u16 x0.01 Hz r Output frequency",
+            "holding 8452 u16 x0.1 A r Output current",
+            "holding 8453 u16 rpm r Motor speed",
+            "holding 8463 u16 x0.001 kW r Output power",
+        ],
+        "",
+    ),
+    "feet of left and right pages, rights of commands, a text of UTF-8": (
+        "meter.txt",
+        b"""Register list
+
+ Register      Action     Size      Type           Units        Description
+              (R/W/WC)
+ 3000            R          2       FLOAT32        A            Current A
+ 3002            R          2       FLOAT32        A            Current B
+ 3010            R          2       FLOAT32        V            Voltage A
+
+ DOC0417EN                                                                    51
+ Register      Action     Size      Type           Units        Description
+              (R/W/WC)
+ 3204            R          4       INT64          Wh           Energy
+ 2014            R/WC       1       INT16U         s            Interval
+ 50              R          20      UTF8           -            Model
+ 5250            W          1       INT16U         -            Command
+
+ 52                                                                    DOC0417EN
+""",
+        [
+            "holding 3000 f32 A r Current A",
+            "holding 3002 f32 A r Current B",
+            "holding 3010 f32 V r Voltage A",
+            "holding 3204 s64 Wh r Energy",
+            "holding 2014 u16 s rw Interval",
+            "holding 50 text r Model",
+            "holding 5250 u16 w Command",
+        ],
+        "",
+    ),
+    "types that stand for areas, as a line above says": (
+        "list.txt",
+        b"""Type:  I = integer,  D = digital
+Mapping:  I -> holding register,  D -> coil.
+
+Type   Idx   Modbus   R/W   Unit   Description
+I      7     128      R     %      Valve
+I      9     129      R     K      Difference
+D      1     0        R/W   -      Unit on
+D      3     2        R     -      Alarm
+""",
+        [
+            "holding 128 u16 % r Valve",
+            "holding 129 u16 K r Difference",
+            "coil 0 bool rw Unit on",
+            "coil 2 bool r Alarm",
+        ],
+        "",
+    ),
+    "a wiki's table with cells over several rows": (
+        "page.wiki",
+        b"""{| class="wikitable"
+! Area
+! style="width:9%" | Address
+! Name !! Type !! Scale !! Unit
+|-
+| rowspan="3" | Input register
+| 0 || Flow || rowspan="2" style="color:red" | int16 || 0.1 || l/s
+|-
+| 1 || Level || 0.01 || m
+|-
+| 4 || Sum || uint32 || 1 || kg
+|-
+| rowspan=2 | Holding register
+| 10
+| Set point
+| uint16
+| 0.1 || l/s
+|-
+| 11 || Interval || uint16 || 1 || s
+|}
+""",
+        [
+            "input 0 s16 x0.1 l/s r Flow",
+            "input 1 s16 x0.01 m r Level",
+            "input 4 u32 kg r Sum",
+            "holding 10 u16 x0.1 l/s Set point",
+            "holding 11 u16 s Interval",
+        ],
+        "",
+    ),
     "blocks of the same offsets, types behind names": (
         "charger.md",
         b"""Hex addresses. Outlet A starts at 0x0100, outlet B at 0x0200.

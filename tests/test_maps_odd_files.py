@@ -294,6 +294,76 @@ text_sensor:
         ["input 0 f32 CDAB V r u", "input 2 u16 x0.1 °C r n"],
         "",
     ),
+    "rapid scada: elements side by side, a group that counts on, words in another order": (
+        "pump.xml",
+        """\ufeff<?xml version="1.0" encoding="utf-8"?>
+<DeviceTemplate><ElemGroups>
+  <ElemGroup active="true" tableType="HoldingRegisters" address="40" name="Set">
+    <Elem name="Speed, rpm" type="ushort" /><Elem name="Flow" type="float" byteOrder="1032" />
+    <Elem name="Level, x0.01 m" type="short" /><Elem name="Sum" type="ulong" /><Elem name="Code" />
+  </ElemGroup>
+  <ElemGroup tableType="Coils" address="7" name="Do"><Elem name="Run" /><Elem name="Reset" /></ElemGroup>
+  <ElemGroup dataBlock="InputRegisters" address="7" name="Seen"><Elem name="Load" type="int" /></ElemGroup>
+</ElemGroups></DeviceTemplate>""".encode(),
+        ["holding 40 u16 rpm Speed", "holding 41 f32 CDAB Flow", "holding 43 s16 x0.01 m Level", "holding 44 u64 Sum",
+         "holding 48 u16 Code", "coil 7 bool Run", "coil 8 bool Reset", "input 7 s32 r Load"],
+        "",
+    ),
+    "scada-lts: locators of points": (
+        "export.json",
+        b"""{"dataPoints": [
+{"xid": "DP_1", "name": "Flow", "engineeringUnits": "l/s", "pointLocator": {"range": "HOLDING_REGISTER",
+ "modbusDataType": "FOUR_BYTE_FLOAT_SWAPPED", "offset": 12, "multiplier": 1.0, "settableOverride": true}},
+{"xid": "DP_2", "name": "Level", "engineeringUnits": "m", "pointLocator": {"range": "INPUT_REGISTER",
+ "modbusDataType": "TWO_BYTE_INT_SIGNED", "offset": 3, "multiplier": 0.01, "additive": -2.0}},
+{"xid": "DP_3", "name": "Open", "pointLocator": {"range": "INPUT_STATUS", "modbusDataType": "BINARY", "offset": 9}},
+{"xid": "DP_4", "name": "Sum", "pointLocator": {"dataType": 3}}]}""",
+        ["holding 12 f32 CDAB l/s rw Flow", "input 3 s16 x0.01 +-2 m r Level", "discrete 9 bool r Open"],
+        "",
+    ),
+    "niagara: logical addresses of all areas, facets, conversions": (
+        "points.csv",
+        b"""Name,Type,Facets,Proxy Ext.Address Format,Proxy Ext.Data Address,Proxy Ext.Reg Type,\
+Proxy Ext.Data Type,Proxy Ext.Conversion
+Flow,Numeric Point,"units=u:liter;l;;;,precision=i:1",Modbus,30008,Input,Float,Default
+Level,Numeric Writable,"units=u:meter;m;(m);;",Modbus,40101,Holding,Signed Integer,"Linear (scale=0.01, offset=-2.0)"
+Run,Boolean Writable,"trueText=s:On",Modbus,00003,Coil,,Default
+Load,Numeric Point,,Decimal,12,Input,Unsigned Long,Default
+""",
+        ["input 7 f32 l r Flow", "holding 100 s16 x0.01 +-2 m rw Level", "coil 2 bool rw Run", "input 12 u32 r Load"],
+        "",
+    ),
+    "modbus2mqtt: functions of polls, types that may be missing": (
+        "mqtt.csv",
+        b"device,pit,3\npoll,seen,10,4,input_register,2.0\nref,level,10,r,int16,0.01\nref,raw,11,r\n"
+        b"poll,set,5,4,coil,1\nref,run,5,rw\npoll,all,100,9,holding_register,1\nref,sum,100,r,uint32LE\n"
+        b"ref,model,104,r,string4\n",
+        ["input 10 s16 x0.01 r level", "input 11 u16 r raw", "coil 5 bool rw run", "holding 100 u32 CDAB r sum",
+         "holding 104 text r model"],
+        "",
+    ),
+    "epics: records, and the ports that say where their registers begin": (
+        "pit.cmd",
+        b"""drvModbusAsynConfigure("IN", "PLC", 1, 4, 0x20, 20, INT16, 500, "x")
+drvModbusAsynConfigure("OUT","PLC", 1, 16, 200, 8, 0, 1, "x")
+drvModbusAsynConfigure("DO", "PLC", 1, 5, 8, 8, 0, 1, "x")
+record(ai,"$(P)LT") { field(DESC,"Level") field(INP,"@asyn(IN,3)") field(LINR,"SLOPE")
+ field(ESLO,"0.01") field(EGU,"m") }
+record(ao,"$(P)SP") { field(DESC,"Speed set") field(OUT,"@asyn(OUT,2)FLOAT32_LE") field(EGU,"rpm") }
+record(bo,"$(P)RUN") { field(OUT,"@asynMask(DO,1,0x1)") }
+record(calc,"$(P)C") { field(DESC,"Sum") field(INPA,"3") }
+""",
+        ["input 35 s16 x0.01 m r Level", "holding 202 f32 CDAB rpm w Speed set", "coil 9 bool w $(P)RUN"],
+        "",
+    ),
+    "the signs of a program in a table that is none of it": (
+        "list.csv",
+        b"Address,Name,Type,Unit,Scale,Remark\n100,Flow,int16,l/s,0.1,poll\n101,Level,uint16,m,0.01,poll\n"
+        b"102,Load,uint32,kg,1,poll\n104,Speed,uint16,rpm,1,poll\npoll,what,is,marked,so,above\n",
+        ["holding 100 s16 x0.1 l/s Flow", "holding 101 u16 x0.01 m Level", "holding 102 u32 kg Load",
+         "holding 104 u16 rpm Speed"],
+        "looks like",
+    ),
     "modbus schema: comments, a field without its expression": (
         "schema.yaml",
         b"description: Meter\nblocks:\n- id: main\n  start: 3x1\n  fields:\n"
@@ -420,6 +490,15 @@ REFUSED = {
     "TOML with a bare variable": ("t.conf", "[[inputs.modbus]]\n  slave_id = $UNIT\n", "line 2"),
     "all of it elsewhere": ("configuration.yaml", "modbus: !include modbus.yaml\n", "modbus.yaml"),
     "no headings": ("list.csv", "40001,Voltage,V\n40002,Current,A\n", "not a known register map.*heading"),
+    "numbers of parameters, many the same": (
+        "drive.txt",
+        "Programming guide of the PD 7\n\nThe number of a parameter is what the display shows.\n\n"
+        " 1-1*  Data of the motor at hand\n 1-10  Motor power of the plate  4 kW\n"
+        " 1-12  Motor voltage of the plate  400 V\n 1-13  Motor current of the plate  8.1 A\n"
+        "Ramps are of the set that is chosen.\n 2-0*  Ramps of the first set\n 2-01  Ramp up of the first set  3 s\n"
+        " 2-02  Ramp down of the first set  3 s\n 2-05  Limit of torque, both  160 %\nA restart keeps them all.\n",
+        "reads as prose",
+    ),
     "a template of templates": ("x.json.jinja", '{% set a = 1 %}\n{"device": {"channels": []}}', "line 1"),
 }  # fmt: skip
 

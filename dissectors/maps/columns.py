@@ -41,9 +41,10 @@ def without_page_marks(lines: Sequence[str]) -> list[str]:
     counts."""
     pages: dict[str, list[tuple[int, list[int]]]] = {}
     for at, line in enumerate(lines):
-        numbers = expression(r"\d{1,4}").findall(line)
+        numbers = sorted(map(int, expression(r"\d{1,4}").findall(line)))
         if numbers and len(parts_of_line(line[:_CELL])) < LEAST_CELLS:
-            pages.setdefault(expression(r"\d{1,4}").sub("#", line), []).append((at, [*map(int, numbers)]))
+            words = sorted(expression(r"\d{1,4}").sub("#", line).split())  # of a left page as of a right one
+            pages.setdefault(" ".join(words), []).append((at, numbers))
     marks = {at for found in pages.values() if _counts_on([numbers for _, numbers in found]) for at, _ in found}
     return ["" if at in marks else line for at, line in enumerate(lines)]
 

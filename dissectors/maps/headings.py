@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import compress, islice, pairwise, repeat, zip_longest
+from operator import mul
 from typing import Final
 
 from .roles import Table, TableColumn, assigned, column_cells, heading_weight, is_heading, may_be_heading
@@ -44,6 +45,26 @@ def headed(rows: Table) -> Table:
     turned = [*map(list, zip_longest(*rows, fillvalue=""))] if len(rows) < _MOST_TURNED else []
     first = next(headings_in(turned), None)
     return turned if first is not None and assigned(turned[first], turned[first + 1 :]).keys() >= _TOLD else rows
+
+
+def with_composed(rows: Table, texts: Sequence[str]) -> Table:
+    """The rows with their addresses, where a sentence says of which columns these are (`block x 1000 + offset`): in
+    place of the first, and nothing in the second."""
+    said = next(filter(None, (form("composed", text) for text in texts)), None)
+    if not said:
+        return rows
+    parts = [plain_heading(said[part]) for part in ("first", "second") if said[part]]
+    places: list[int] = []
+    found = []
+    for row in rows:
+        titles = [plain_heading(cell) for cell in row]
+        numbers = [number for at in places for number in numbers_in("".join(row[at : at + 1]))[:1]]
+        cells = dict(zip(places, [str(sum(map(mul, numbers, (int(said["times"]), 1)))), ""], strict=False))
+        if {*parts} <= {*titles}:
+            places = [titles.index(part) for part in parts]
+            cells, numbers = dict(zip(places, ["address", ""], strict=False)), places
+        found.append([cells.get(at, cell) for at, cell in enumerate(row)] if len(numbers) == len(places) else row)
+    return found
 
 
 def headings_in(rows: Table) -> Iterator[int]:

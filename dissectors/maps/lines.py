@@ -42,6 +42,7 @@ _TEXT: Final = 1 << 18  # characters of lines
 _HEAD: Final = 4000  # characters in which sentences speak of all
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
 _GOES_ON: Final = frozenset(":-–—")  # marks behind which a text may go on
+_LOOKS: Final = {"unit": "short", "scale": "times_factor"}  # of what is usual in a place
 _COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area", "length")
 Parts = Sequence[tuple[str, Sequence[str]]]
 
@@ -354,7 +355,7 @@ def _by_role(parts: Parts, usual: Mapping[int, str]) -> dict[str, str]:
     cells = {"": "", "description": ""}
     for at, (part, may) in enumerate(parts):
         common = usual.get(at, "")
-        guessed = common if common == "unit" and form("short", part) else "description"
+        guessed = common if common in _LOOKS and form(_LOOKS[common], part) else "description"
         role = (common if common in may else may[0]) if may else guessed
         if role in cells:
             cells["description"] = f"{cells['description']} {part}".strip()

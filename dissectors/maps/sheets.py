@@ -170,7 +170,7 @@ def _shown_text(cell: object) -> str:
 def tables_of_text(text: str, file: str, most: int) -> Iterator[tuple[list[list[str]], int]]:
     """The rows of a text in each way that may be meant, and how many characters of it were read: as its layout has
     them; else CSV with any sign between cells, and columns that blanks part, as PDFs are copied."""
-    text = text.translate(_DRAWN)
+    text = text.translate(_DRAWN).replace(r"\|", " /")  # a bar within a cell
     shown = text.splitlines()[:most]
     if shown and (named := form("separator", shown[0])):  # Excel's own line
         yield _cut(["", *shown[1:]], named["sign"], file), len(text)

@@ -46,7 +46,7 @@ class Titles:
         self.group = form("group_title", title.strip("#*: ") * is_group).get("", "") or self.group  # no sentence
 
     def _take(self, title: str, sentences: Sequence[str]) -> None:
-        named = map(area_words, expression("[;.] ").split(title))
+        named = map(area_words, expression(r"[;.] |\S+\s*(?:->|→)[^,;.]*").split(title))  # not what codes stand for
         area = next((one for one in named if one), None)  # the first
         self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
         bases = (numbers_in(form("based", part).get("base", "")) for part in expression("[,;.()]").split(title))

@@ -37,15 +37,18 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
     source = MapSource(file, data)
     if name is not None:
         return _read(source, (name,)) or _raised(MapError(f"{file}: is not {map_format(name).NAME}"))
-    for program, sign in _OF_PROGRAMS.items():
-        found = _read(source, (program,) * (sign in source.text))
+    wrong = []
+    for program, sign in {**_OF_PROGRAMS, "own": ""}.items():
+        try:
+            found = _read(source, (program,) * (sign in source.text))
+        except MapError as error:
+            wrong.append(error)
+            continue
         if found:
             return found
-    try:
-        own = _read(source, ("own",))
-    except MapError as error:
-        return _read_otherwise(source, error)
-    return own or _coherent(source, _read(source, _GENERAL)) or _raised(MapError(_why_none(source)))
+    if wrong:
+        return _read_otherwise(source, wrong[0])
+    return _coherent(source, _read(source, _GENERAL)) or _raised(MapError(_why_none(source)))
 
 
 def _coherent(source: MapSource, found: list[ImportedMap]) -> list[ImportedMap]:
@@ -58,14 +61,16 @@ def _coherent(source: MapSource, found: list[ImportedMap]) -> list[ImportedMap]:
     return found
 
 
-def _read_otherwise(source: MapSource, not_own: MapError) -> list[ImportedMap]:
-    """What looks like our own form as another; it is said why it is none."""
+def _read_otherwise(source: MapSource, why: MapError) -> list[ImportedMap]:
+    """What has the signs of a form, but no registers in it, as what no program made; it is said why it is not of that
+    form."""
     try:
-        found = _read(source, _GENERAL)
+        found = _coherent(source, _read(source, _GENERAL))
     except MapError:
         found = []
-    told = f"not a map of our own form: {not_own}"
-    return [replace(one, notes=(*one.notes, told)) for one in found] or _raised(not_own)
+    return [replace(one, notes=(*one.notes, f"not of the form that it looks like: {why}")) for one in found] or _raised(
+        why
+    )
 
 
 def _raised(why: MapError) -> NoReturn:

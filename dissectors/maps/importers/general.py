@@ -22,8 +22,8 @@ from .tables import chart_of
 _MOST_ROWS: Final = 30_000  # of a table
 _MOST_LINES: Final = 20_000
 _OWN_COLUMNS: Final = {"address", "name", "area", "type"}
-COHERENT: Final = 5.0  # marks of maps: 5.9 and more; of pages of prose: 4.5 and less
-_COVERED, _SHORT, _TOLD, _RISING, _DISTINCT = 6.0, 2.0, 1.5, 1.0, 1.0  # weights
+COHERENT: Final = 7.0  # marks of maps: 7.9 and more; of pages of prose, of lists of other numbers: 6.9 and less
+_COVERED, _SHORT, _TOLD, _RISING, _DISTINCT = 6.0, 2.0, 1.5, 1.0, 3.0  # weights
 _WORDS: Final = 4  # of a short name
 _LETTERS: Final = 40
 Charts = list[ImportedMap]

@@ -219,6 +219,18 @@ def _kept(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> I
         yield {**record, "notes": [*record.get("notes", ()), *notes]}
 
 
+def _laid(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
+    """How many addresses lie before a record among those side by side, by the sizes of types; any other has one."""
+    begin: Record = {}
+    laid = 0
+    for record in records:
+        here = {key: record.get(key) for key in (step["from"], *step["by"])}
+        laid = laid * (here == begin)
+        begin = here
+        yield {**record, "laid": laid}
+        laid += step["sizes"].get(str(record.get("type")), 1)
+
+
 def _words(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
     """What a word means, under another key."""
     for record in records:
@@ -256,7 +268,7 @@ def _within(source: MapSource, records: Iterator[Record], step: Mapping[str, Any
 
 _STEPS: Final[Mapping[str, Step]] = {
     step.__name__[1:]: step
-    for step in (_aliases, _above, _also, _asked, _joined, _kept, _keyed, _listed,
+    for step in (_aliases, _above, _also, _asked, _joined, _kept, _keyed, _laid, _listed,
                  _logical, _pairs, _parsed, _straight, _variables, _within, _words)
 }  # fmt: skip
 

@@ -24,6 +24,7 @@ from ..headings import (
     is_rule,
     is_value,
     of_values,
+    with_composed,
     without_width,
 )
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
@@ -50,6 +51,7 @@ from .source import ImportedMap, MapBuilder, MapSource, whole_in
 
 _JOINTS: Final = (" ", "\n")  # before what goes on below: a text, states
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
+_OF_TYPES: Final = ("coil", "holding")  # areas that types may say
 _FEW: Final = 2  # cells of a row that may be a footnote
 _MOST_HEADINGS: Final = 100  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
@@ -74,7 +76,8 @@ class _TableRows:
 
     def __init__(self, source: MapSource, sheet: MapSheet, device: str) -> None:
         self.builder = MapBuilder(source.name, device=f"{source.stem} {device}".strip())
-        shown = [[text_of(row)] if is_title(row) else row for row in self._visible(sheet)]
+        visible = self._visible(sheet)
+        shown = [[text_of(row)] if is_title(row) else row for row in with_composed(visible, texts_alone(visible))]
         self.rows = headed(shown)
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
@@ -189,7 +192,8 @@ class _TableRows:
             self._title(row)
             return
         held = self.above * (not self.heading.form.is_logical)  # one cell for several rows holds its text once
-        self.above = cells.get("area") or held
+        kind = cells.get("type", "")
+        self.above = cells.get("area") or held * ("area" in cells) or kind * (area_words(kind) in _OF_TYPES)
         if self.heading.addresses[cells.get("address", "")] == 1:
             cells.pop("bit", None)  # several rows of one register are its bits
         others = {f" {title}": cell for title, at in self.heading.others.items() for cell in row[at : at + 1]}
