@@ -21,8 +21,6 @@ from typing import IO, Any, BinaryIO, Final
 from .disposal import TemporaryFolder
 from .errors import CaptureError, os_reason
 from .files import HEAD_BYTES, opened
-from .network.written import is_dissected_json, is_pdml, json_packets, pdml_packets
-from .text.page import is_page, page_text
 
 STANDARD_INPUT: Final = "-"
 _PIECE: Final = 1 << 18
@@ -290,13 +288,49 @@ class _Pieces:
         return next(self._pieces, b"")
 
 
+def _is_page(head: bytes) -> bool:
+    from .text.page import is_page
+
+    return is_page(head)
+
+
+def _page(packed: BinaryIO) -> Any:
+    from .text.page import page_text
+
+    return _Pieces(page_text(packed))
+
+
+def _is_pdml(head: bytes) -> bool:
+    from .network.written import is_pdml
+
+    return is_pdml(head)
+
+
+def _pdml(packed: BinaryIO) -> Any:
+    from .network.written import pdml_packets
+
+    return _Pieces(pdml_packets(packed))
+
+
+def _is_json(head: bytes) -> bool:
+    from .network.written import is_dissected_json
+
+    return is_dissected_json(head)
+
+
+def _json(packed: BinaryIO) -> Any:
+    from .network.written import json_packets
+
+    return _Pieces(json_packets(packed))
+
+
 _PACKINGS: Final = (
     _Packing("gzip", lambda head: head[:3] == b"\x1f\x8b\x08" and head[3:4] < b"\x20", _gzip, (".gz", ".gzip")),
     _Packing("bzip2", lambda head: head[:3] == b"BZh" and head[4:10] == b"1AY&SY", _bzip2, (".bz2",)),
     _Packing("xz", lambda head: head[:6] == b"\xfd7zXZ\x00", _xz, (".xz",)),
     _Packing("zstd", lambda head: head[:4] == b"\x28\xb5\x2f\xfd", _ZstdFrames, (".zst", ".zstd")),
-    _Packing("HTML", is_page, lambda page: _Pieces(page_text(page)), (".html", ".htm")),
-    _Packing("PDML", is_pdml, lambda packed: _Pieces(pdml_packets(packed)), (".pdml", ".xml")),
-    _Packing("JSON", is_dissected_json, lambda packed: _Pieces(json_packets(packed)), (".json",)),
+    _Packing("HTML", _is_page, _page, (".html", ".htm")),
+    _Packing("PDML", _is_pdml, _pdml, (".pdml", ".xml")),
+    _Packing("JSON", _is_json, _json, (".json",)),
     _Zip("zip", lambda head: head[:4] == b"PK\x03\x04", zipfile.ZipFile),
 )
