@@ -63,7 +63,7 @@ def exported(path):
 def poll(port, count, seed):
     """A client's requests of many kinds, in bursts and with pauses."""
     chance = random.Random(seed)
-    client = ModbusSerialClient(port, baudrate=115200, timeout=2, retries=0)
+    client = ModbusSerialClient(port, baudrate=115200, timeout=20, retries=0)
     client.connect()
     for number in range(count):
         unit, at = (1, 2, 17)[number % 3], chance.randrange(90)

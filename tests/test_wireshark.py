@@ -23,7 +23,7 @@ needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark
 
 def poll(port, count=20):
     """So many reads that go well, and one that is refused."""
-    client = ModbusSerialClient(port, baudrate=115200, timeout=2, retries=0)
+    client = ModbusSerialClient(port, baudrate=115200, timeout=20, retries=0)
     client.connect()
     for number in range(count):
         client.read_holding_registers(number, count=3, device_id=17)
