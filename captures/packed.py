@@ -29,6 +29,7 @@ _ROOM: Final = 1 << 28  # bytes that are left free on the disk
 _SMALL: Final = 1 << 22  # bytes up to which a packed file may grow whatever its size
 _GROWTH: Final = 50  # times its size, beyond that: captures shrink to a half as bytes, to a twentieth as text
 _DEPTH: Final = 3  # packed files in packed files
+_BEGIN: Final = 1 << 14  # bytes of a document by which it is known
 _NO_CAPTURE: Final = ("__MACOSX/", ".DS_Store")
 
 Member = Callable[[str, bytes], bool]  # whether a file of this name that begins so is likely a capture
@@ -289,9 +290,11 @@ class _Pieces:
 
 
 def _is_page(head: bytes) -> bool:
-    from .text.page import is_page
+    if not head[:_BEGIN].lstrip(b"\xef\xbb\xbf \r\n\t").lower().startswith((b"<!doctype html", b"<html")):
+        return False
+    from .text.page import shows_bytes  # loads a parser: not for each text that is opened
 
-    return is_page(head)
+    return shows_bytes(head)
 
 
 def _page(packed: BinaryIO) -> Any:
@@ -300,25 +303,13 @@ def _page(packed: BinaryIO) -> Any:
     return _Pieces(page_text(packed))
 
 
-def _is_pdml(head: bytes) -> bool:
-    from .network.written import is_pdml
-
-    return is_pdml(head)
-
-
 def _pdml(packed: BinaryIO) -> Any:
     from .network.written import pdml_packets
 
     return _Pieces(pdml_packets(packed))
 
 
-def _is_json(head: bytes) -> bool:
-    from .network.written import is_dissected_json
-
-    return is_dissected_json(head)
-
-
-def _json(packed: BinaryIO) -> Any:
+def _wireshark_json(packed: BinaryIO) -> Any:
     from .network.written import json_packets
 
     return _Pieces(json_packets(packed))
@@ -330,7 +321,7 @@ _PACKINGS: Final = (
     _Packing("xz", lambda head: head[:6] == b"\xfd7zXZ\x00", _xz, (".xz",)),
     _Packing("zstd", lambda head: head[:4] == b"\x28\xb5\x2f\xfd", _ZstdFrames, (".zst", ".zstd")),
     _Packing("HTML", _is_page, _page, (".html", ".htm")),
-    _Packing("PDML", _is_pdml, _pdml, (".pdml", ".xml")),
-    _Packing("JSON", _is_json, _json, (".json",)),
+    _Packing("PDML", lambda head: head.lstrip()[:1] == b"<" and b"<pdml" in head[:_BEGIN], _pdml, (".pdml", ".xml")),
+    _Packing("JSON", lambda head: b"".join(head[:256].split())[:10] == b'[{"_index"', _wireshark_json, (".json",)),
     _Zip("zip", lambda head: head[:4] == b"PK\x03\x04", zipfile.ZipFile),
 )

@@ -5,6 +5,7 @@ Of each the time, the addresses, where it stands in its stream and what it carri
 
 from __future__ import annotations
 
+import codecs
 import json
 import struct
 from collections.abc import Iterator, Mapping
@@ -15,15 +16,9 @@ from socket import IPPROTO_TCP, IPPROTO_UDP
 from typing import Any, BinaryIO, Final
 
 _PIECE: Final = 1 << 18
-_HEAD: Final = 1 << 14
 _RAW_IP: Final = 101  # the link type
 _PCAP: Final = struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, _RAW_IP)  # times in ns
 _MOST: Final = 1 << 15  # bytes that a packet carries
-
-
-def is_pdml(head: bytes) -> bool:
-    """Whether a file that begins so is one of Wireshark's packets as XML."""
-    return head.lstrip().startswith((b"<?xml", b"<pdml")) and b"<pdml" in head[:_HEAD]
 
 
 def pdml_packets(file: BinaryIO) -> Iterator[bytes]:
@@ -44,23 +39,19 @@ def pdml_packets(file: BinaryIO) -> Iterator[bytes]:
     return _pcap(fields())
 
 
-def is_dissected_json(head: bytes) -> bool:
-    """Whether a file that begins so is one of Wireshark's packets as JSON."""
-    return b"".join(head[:256].split()).startswith(b'[{"_index":')
-
-
 def json_packets(file: BinaryIO) -> Iterator[bytes]:
     """The packets of a JSON file of Wireshark's as a pcap."""
 
     def packets() -> Iterator[Any]:
-        decoder, text, size = json.JSONDecoder(), file.read(_PIECE).decode("utf-8", "replace"), _PIECE
+        decoder, source, size = json.JSONDecoder(), codecs.getreader("utf-8")(file, "replace"), _PIECE
+        text = source.read(size)
         while True:
             text = text.lstrip("[, \r\n\t")
             try:
                 packet, end = decoder.raw_decode(text)
             except json.JSONDecodeError:
                 size *= 2
-                more = file.read(size).decode("utf-8", "replace")
+                more = source.read(size)
                 if not more:
                     return
                 text += more
@@ -109,10 +100,8 @@ def _ip(fields: Mapping[str, str]) -> bytes:
         protocol, head = IPPROTO_UDP, struct.pack(">HH", 8 + len(carried), 0)
     else:
         place, heard = (int(fields.get(f"tcp.{name}_raw") or fields[f"tcp.{name}"]) for name in ("seq", "ack"))
-        protocol, head = (
-            IPPROTO_TCP,
-            struct.pack(">IIBBHHH", place, heard, 0x50, int(fields["tcp.flags"], 16) & 0x3F, 0, 0, 0),
-        )
+        flags = int(fields["tcp.flags"], 16) & 0x3F
+        protocol, head = IPPROTO_TCP, struct.pack(">IIBBHHH", place, heard, 0x50, flags, 0, 0, 0)
     whole = ports + head + carried
     if version == "ipv6":
         return struct.pack(">IHBB", 6 << 28, len(whole), protocol, 64) + source + target + whole

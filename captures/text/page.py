@@ -12,7 +12,6 @@ from typing import Any, BinaryIO, Final
 _PIECE: Final = 1 << 18
 _HEAD: Final = 1 << 14
 _OURS: Final = b'<meta name="generator" content="rtuscope'  # a page of ours shows bytes, and is no capture
-_BEGINS: Final = (b"<!doctype html", b"<html")
 _NAMED: Final = 40  # characters in which an encoding is named
 _SHOWN: Final = 4  # bytes in a row that are no chance
 _LINES: Final = frozenset(("p", "div", "br", "hr", "tr", "table", "li", "dd", "pre", "h1", "h2", "h3", "h4", "h5"))
@@ -58,19 +57,15 @@ def _decoder(head: bytes) -> Any:
     return codecs.getincrementaldecoder("utf-8")("replace")
 
 
-def _shows_bytes(text: str) -> bool:
+def shows_bytes(head: bytes) -> bool:
+    """Whether a page that begins so shows bytes, and is none of ours."""
     run = 0
+    text = "" if _OURS in head else "".join(_text_of([head]))
     for word in text.translate(str.maketrans("-:", "  ")).split():
         run = (run + 1) * (len(word) == 2 and set(word) <= set(hexdigits))
         if run == _SHOWN:
             return True
     return False
-
-
-def is_page(head: bytes) -> bool:
-    """Whether a file that begins so is a page of HTML that shows bytes, and none of ours."""
-    begin = head[:_HEAD].lstrip(b"\xef\xbb\xbf \r\n\t")[:_NAMED].lower()
-    return begin.startswith(_BEGINS) and _OURS not in head and _shows_bytes("".join(_text_of([head])))
 
 
 def page_text(file: BinaryIO) -> Iterator[bytes]:
