@@ -119,9 +119,9 @@ def is_hasty(before: TransactionColumns, this: TransactionColumns) -> bool:
 def sent_in_haste(transactions: TransactionRows) -> NDArray[np.bool_]:
     """Which are broadcasts that no device sent, though right behind another: their client pauses between none."""
     behind, before = transactions[1:], transactions[:-1]
-    sent = (transactions.unit == 0) & ~transactions.again
-    soon = behind.t_start_ns - before.t_request_ns < HASTE_NS
-    return np.append(False, sent[1:] & sent[:-1] & (behind.request == before.request + 1) & soon)
+    sent = (transactions.unit == 0) & ~transactions.again & (transactions.protocol != Protocol.TCP)
+    follows = (behind.request == before.request + 1) & (behind.port == before.port)
+    return np.append(False, sent[1:] & sent[:-1] & follows & (behind.t_start_ns - before.t_request_ns < HASTE_NS))
 
 
 def is_echoed_broadcast(turn: RequestInTurn) -> bool:
@@ -212,9 +212,10 @@ class Outcomes:
         for unit in where(np.bincount(units[answered])).tolist():
             if unit not in self._answering:
                 self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
-        known = TransactionRows.joined((self._suspects[-1:], view.transactions))
-        hasty = where(sent_in_haste(known)) + self._requests - min(len(self._suspects), 1)
-        self._hasty_from = min([self._hasty_from, *hasty[:1]])
+        if np.isinf(self._hasty_from) and not units.all():  # some are broadcasts
+            known = TransactionRows.joined((self._suspects[-1:], view.transactions))
+            hasty = where(sent_in_haste(known)) + self._requests - min(len(self._suspects), 1)
+            self._hasty_from = min([self._hasty_from, *hasty[:1]])
         self._suspects = TransactionRows.joined((self._suspects, view.transactions[chosen]))
         self._numbers = np.concatenate((self._numbers, chosen + self._requests))
         self._requests += len(status)
