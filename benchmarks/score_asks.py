@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from random import Random
 
@@ -80,16 +81,22 @@ def score(kind: str, tap: str, seed: int, tally: AskTally) -> None:
         tally.misses.append(f"{kind} {tap} {seed}: unit {drawn.unit}, {words}: said {said or 'nothing'}")
 
 
-def main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("kinds", nargs="*", metavar="KIND", default=[*FLAWS, *ODD])
+def drawn_buses(doc: str | None, kinds: Sequence[str], arguments: list[str]) -> argparse.Namespace:
+    """Which drawn buses a score is asked for: `kinds` of those there are, `seeds` from `first` on, `taps`."""
+    parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
+    parser.add_argument("kinds", nargs="*", metavar="KIND", default=kinds)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=1000, metavar="SEED", help="the first seed (1000)")
     parser.add_argument("--taps", default="precise,ftdi16")
     parser.add_argument("--misses", action="store_true", help="print each bus that was not told rightly")
     options = parser.parse_args(arguments)
-    if strange := sorted(set(options.kinds) - {*FLAWS, *ODD}):
-        parser.error(f"no such kind: {', '.join(strange)}; there are {', '.join([*FLAWS, *ODD])}")
+    if strange := sorted({*options.kinds}.difference(kinds)):
+        parser.error(f"no such kind: {', '.join(strange)}; there are {', '.join(kinds)}")
+    return options
+
+
+def main(arguments: list[str]) -> int:
+    options = drawn_buses(__doc__, [*FLAWS, *ODD], arguments)
     tallies: dict[str, AskTally] = defaultdict(AskTally)
     for kind in options.kinds:
         for tap in options.taps.split(","):

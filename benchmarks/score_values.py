@@ -9,7 +9,6 @@ its kind's, of the right unit. What was fitted was fitted on seeds below 1000; f
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from random import Random
 
 from ask_devices import Drawn
 from ask_line import chunks_of
+from score_asks import drawn_buses
 from value_devices import drawn_bus, drawn_site
 from value_harms import HARMS
 from value_oddities import WELL
@@ -92,15 +92,7 @@ def _tell(name: str, tallies: Sequence[ValueTally]) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("kinds", nargs="*", metavar="KIND", default=[*HARMS, *WELL])
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--first", type=int, default=1000, metavar="SEED", help="the first seed (1000)")
-    parser.add_argument("--taps", default="precise,ftdi16")
-    parser.add_argument("--misses", action="store_true", help="print each bus that was not told rightly")
-    options = parser.parse_args(arguments)
-    if strange := sorted(set(options.kinds) - {*HARMS, *WELL}):
-        parser.error(f"no such kind: {', '.join(strange)}; there are {', '.join([*HARMS, *WELL])}")
+    options = drawn_buses(__doc__, [*HARMS, *WELL], arguments)
     tallies = {kind: ValueTally() for kind in options.kinds}
     for kind, tally in tallies.items():
         for tap in options.taps.split(","):
