@@ -212,7 +212,7 @@ class Outcomes:
         for unit in where(np.bincount(units[answered])).tolist():
             if unit not in self._answering:
                 self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
-        if np.isinf(self._hasty_from) and not units.all():  # some are broadcasts
+        if self._hasty_from == np.inf and not units.all():  # some are broadcasts
             known = TransactionRows.joined((self._suspects[-1:], view.transactions))
             hasty = where(sent_in_haste(known)) + self._requests - min(len(self._suspects), 1)
             self._hasty_from = min([self._hasty_from, *hasty[:1]])
