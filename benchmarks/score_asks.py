@@ -81,9 +81,8 @@ def score(kind: str, tap: str, seed: int, tally: AskTally) -> None:
         tally.misses.append(f"{kind} {tap} {seed}: unit {drawn.unit}, {words}: said {said or 'nothing'}")
 
 
-def drawn_buses(doc: str | None, kinds: Sequence[str], arguments: list[str]) -> argparse.Namespace:
+def drawn_buses(parser: argparse.ArgumentParser, kinds: Sequence[str], arguments: list[str]) -> argparse.Namespace:
     """Which drawn buses a score is asked for: `kinds` of those there are, `seeds` from `first` on, `taps`."""
-    parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
     parser.add_argument("kinds", nargs="*", metavar="KIND", default=kinds)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=1000, metavar="SEED", help="the first seed (1000)")
@@ -96,7 +95,8 @@ def drawn_buses(doc: str | None, kinds: Sequence[str], arguments: list[str]) -> 
 
 
 def main(arguments: list[str]) -> int:
-    options = drawn_buses(__doc__, [*FLAWS, *ODD], arguments)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    options = drawn_buses(parser, [*FLAWS, *ODD], arguments)
     tallies: dict[str, AskTally] = defaultdict(AskTally)
     for kind in options.kinds:
         for tap in options.taps.split(","):

@@ -9,6 +9,7 @@ its kind's, of the right unit. What was fitted was fitted on seeds below 1000; f
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -92,7 +93,8 @@ def _tell(name: str, tallies: Sequence[ValueTally]) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    options = drawn_buses(__doc__, [*HARMS, *WELL], arguments)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    options = drawn_buses(parser, [*HARMS, *WELL], arguments)
     tallies = {kind: ValueTally() for kind in options.kinds}
     for kind, tally in tallies.items():
         for tap in options.taps.split(","):
