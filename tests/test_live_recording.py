@@ -2,6 +2,7 @@
 
 import os
 import random
+import shutil
 import subprocess
 import time
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from running import ran, refused
 from scripts import package
 
 import captures
+from captures import samples
 from captures.chunks import Block, Chunk
 from captures.errors import CaptureError
 from captures.line import LineSettings
@@ -351,3 +353,10 @@ def test_repair_of_what_is_no_recording_is_refused(capsys, tmp_path):
     refused(capsys, "repair", path)
     refused(capsys, "repair", Path("/no/such/file.mcap"))
     assert [file.name for file in tmp_path.iterdir()] == ["x.mcap"]
+
+
+def test_an_intact_recording_is_not_copied(tmp_path, capsys):
+    path = tmp_path / "bus.mcap"
+    shutil.copyfile(samples.path("mbpoll.mcap"), path)
+    assert "nothing to repair" in ran(capsys, "repair", path).out
+    assert list(tmp_path.iterdir()) == [path]

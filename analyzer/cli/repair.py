@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dissectors.values import harmless
 
+from ..languages import tr
 from .commands import DONE, NO_FRAME
 from .terminal import add_overwrite_argument, captured_words, tell_user, to_be_overwritten
 
@@ -33,15 +34,19 @@ def run(arguments: argparse.Namespace) -> int:
     from captures.recording.mcapfile import PART, repair
 
     source = Path(arguments.file)
+    named = arguments.output is not None or source.name.endswith(PART)
     if arguments.output is not None:
         target = Path(arguments.output)
-    elif source.name.endswith(PART):
+    elif named:
         target = source.with_name(source.name.removesuffix(PART))
     else:
         target = source.with_name(f"{source.stem}.repaired.mcap")
     to_be_overwritten(target, overwrite=arguments.overwrite, source=source)
-    result = repair(source, target)
+    result = repair(source, target, intact=named)
     for loss in result.damage:
         tell_user(f"{source}: {loss}")
+    if not (named or result.damage_count):
+        print(harmless(tr("{file}: nothing to repair: it can be read to its end", file=source)))
+        return DONE
     print(harmless(f"{target}: {captured_words(result.chunks, result.bytes)}"))
     return DONE if result.bytes else NO_FRAME

@@ -228,11 +228,20 @@ class Repaired:
     damage_count: int
 
 
-def repair(source: Path, target: Path) -> Repaired:
-    """Write all of `source` that can be read to `target`, whole. CaptureError where there is nothing to read."""
+class _IntactError(Exception):
+    """What was to be repaired is whole."""
+
+
+def repair(source: Path, target: Path, *, intact: bool = True) -> Repaired:
+    """Write all of `source` that can be read to `target`, whole. CaptureError where there is nothing to read.
+
+    `intact`: write it even where nothing of the source is damaged.
+    """
     capture = open(source)
-    with replacing(target, private=True) as file:
+    with suppress(_IntactError), replacing(target, private=True) as file:
         chunks, octets, notes = _copy(capture, source, file)
+        if not (intact or capture.damage_count):
+            raise _IntactError
     return Repaired(chunks, octets, notes, capture.damage, capture.damage_count)
 
 
