@@ -101,6 +101,7 @@ def test_the_example_of_the_first_help_works(capsys):
         (["frobnicate"], "no command 'frobnicate'"),
         (["--frobnicate"], "unrecognized arguments"),
         (["--baud", "9600", "export", "x"], "--baud goes after the command: rtuscope export --baud ..."),
+        (["--language", "ru", "export", "x"], "unrecognized arguments: --language: did you mean --lang?"),
         (["sniff", "x", "--tui"], "--tui needs a terminal"),
         (["sniff", "x", "--tui", "--until", "unit == 3"], "--until is for output by line"),
         (["sniff", "x", "--tui", "--json"], "--format is for output by line"),

@@ -83,10 +83,18 @@ class Parser(argparse.ArgumentParser):
         parse = self.parse_known_intermixed_args if scattered else self.parse_known_args
         parsed, left = parse(words, namespace)
         if left:
-            mistyped = left[0].startswith("-")  # another word is one too many
-            near = _near_option(left[0].partition("=")[0], self._option_string_actions) if mistyped else ""
-            self.error(f"unrecognized arguments: {' '.join(left)}{near}")
+            self.unknown(left)
         return parsed
+
+    def knows(self, option: str) -> bool:
+        """Whether it is an option of this command."""
+        return option in self._option_string_actions
+
+    def unknown(self, left: Sequence[str]) -> NoReturn:
+        """Refuse arguments that are none, with the option that was meant."""
+        mistyped = left[0].startswith("-")  # another word is one too many
+        near = _near_option(left[0].partition("=")[0], self._option_string_actions) if mistyped else ""
+        self.error(f"unrecognized arguments: {' '.join(left)}{near}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -283,6 +291,10 @@ def _general(arguments: list[str]) -> int:
     """What is said without a command: help, the version, what is wrong with an option that stands before one."""
     if arguments and arguments[0] not in _OWN and (behind := [word for word in arguments if word in COMMANDS]):
         option = arguments[0].partition("=")[0]
+        parser = Parser(prog=f"rtuscope {behind[0]}")
+        _fill(parser, behind[0])
+        if not parser.knows(option):
+            parser.unknown([option])
         raise UsageError(f"{option} goes after the command: rtuscope {behind[0]} {option} ...")
     parser = command_line(())
     parser.parse_args(arguments)
