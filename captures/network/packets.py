@@ -125,13 +125,13 @@ def serial_reads(packets: Packets, chosen: Ints, link: int) -> SerialReads:
     mark = np.where(direction == OUTBOUND, int(Mark.TX), np.where(direction == INBOUND, int(Mark.RX), 0))
     wrong = np.zeros(len(chosen), np.bool_)
     head = np.zeros(len(chosen), np.int64)
-    lost = 0
+    lost = int((packets.missing[chosen] > 0).sum())
     if link == RTAC:
         head[:] = _RTAC_HEADER
         event = take_bytes(packets.data, at + 8)
         mark = np.where(np.isin(event, _RTAC_TX), int(Mark.TX), np.where(np.isin(event, _RTAC_RX), int(Mark.RX), 0))
         wrong = np.isin(event, _RTAC_ERRORS)
-        lost = int(np.isin(event, _RTAC_LOST).sum())
+        lost += int(np.isin(event, _RTAC_LOST).sum())
     elif link == UPPER_PDU:
         head = _tags(packets.data, at, size)
     sound = (size > head) & (head >= 0)

@@ -48,6 +48,7 @@ from .survey import (
     unheard,
 )
 from .tcp import Half, Reassembly
+from .usb import USB, UsbLines
 
 TAP: Final = "network"  # the line's `tap`, where bytes came over TCP
 _NO_PORT: Final = 256
@@ -60,6 +61,9 @@ def packet_source(path: Path, file: PacketFile, judge: ByteJudge = no_judge) -> 
     `judge` knows right check values, by which RTU over TCP is told from what else a network carries.
     """
     survey = surveyed(file, judge)
+    if not survey.serial and not survey.ports and any(one.link in USB for one in file.interfaces):
+        file = UsbLines(file, judge)
+        survey = surveyed(file, judge) if file.interfaces else survey
     if not survey.serial and not survey.ports:
         raise CaptureError(f"{path}: {nothing_words(survey)}")
     header = dict(file.header)
