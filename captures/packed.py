@@ -30,6 +30,8 @@ _SMALL: Final = 1 << 22  # bytes up to which a packed file may grow whatever its
 _GROWTH: Final = 50  # times its size, beyond that: captures shrink to a half as bytes, to a twentieth as text
 _DEPTH: Final = 3  # packed files in packed files
 _BEGIN: Final = 1 << 14  # bytes of a document by which it is known
+_LINE: Final = 64  # bytes of a first line
+_USB_ENDPOINTS: Final = frozenset(kind + way for kind in (b"B", b"C", b"I", b"Z") for way in (b"i", b"o"))
 _NO_CAPTURE: Final = ("__MACOSX/", ".DS_Store")
 
 Member = Callable[[str, bytes], bool]  # whether a file of this name that begins so is likely a capture
@@ -315,6 +317,29 @@ def _wireshark_json(packed: BinaryIO) -> Any:
     return _Pieces(json_packets(packed))
 
 
+def _usbmon(packed: BinaryIO) -> Any:
+    from .network.usbtext import usbmon_packets
+
+    return _Pieces(usbmon_packets(packed))
+
+
+def _dissected(packed: BinaryIO) -> Any:
+    from .network.written import dissected_packets
+
+    return _Pieces(dissected_packets(packed))
+
+
+def _is_dissected(head: bytes) -> bool:
+    """Details of packets, with their bytes."""
+    return head[:6] == b"Frame " and b" on wire (" in head[:64] and b"\n0000  " in head[:_BEGIN]
+
+
+def _is_usbmon(head: bytes) -> bool:
+    """`ffff8d0f4a1c3cc0 2761014512 S Bo:1:007:2 …`"""
+    words = head[:_LINE].partition(b":")[0].split()
+    return len(words) == 4 and words[2] in (b"S", b"C", b"E") and words[3] in _USB_ENDPOINTS
+
+
 _PACKINGS: Final = (
     _Packing("gzip", lambda head: head[:3] == b"\x1f\x8b\x08" and head[3:4] < b"\x20", _gzip, (".gz", ".gzip")),
     _Packing("bzip2", lambda head: head[:3] == b"BZh" and head[4:10] == b"1AY&SY", _bzip2, (".bz2",)),
@@ -323,5 +348,7 @@ _PACKINGS: Final = (
     _Packing("HTML", _is_page, _page, (".html", ".htm")),
     _Packing("PDML", lambda head: head.lstrip()[:1] == b"<" and b"<pdml" in head[:_BEGIN], _pdml, (".pdml", ".xml")),
     _Packing("JSON", lambda head: b"".join(head[:256].split())[:10] == b'[{"_index"', _wireshark_json, (".json",)),
+    _Packing("text of packets", _is_dissected, _dissected),
+    _Packing("usbmon text", _is_usbmon, _usbmon),
     _Zip("zip", lambda head: head[:4] == b"PK\x03\x04", zipfile.ZipFile),
 )

@@ -131,11 +131,11 @@ def test_what_is_no_such_document_is_one_line(tmp_path: Path, content: str, caps
 
 
 @pytest.mark.skipif(TSHARK is None, reason="tshark is not installed")
-@pytest.mark.parametrize("form", ["json", "pdml"])
+@pytest.mark.parametrize("form", ["json", "pdml", "text"])
 def test_what_wireshark_writes_out_is_what_it_was_given(tmp_path: Path, form: str) -> None:
     path = tmp_path / "net.pcap"
     path.write_bytes(pcap(talk().packets))
-    command = [str(TSHARK), "-r", str(path), "-T", form]
+    command = [str(TSHARK), "-r", str(path), *(("-V", "-x") if form == "text" else ("-T", form))]
     written = subprocess.run(command, capture_output=True, check=True).stdout
     capture = opened(tmp_path, f"net.{form}", written)
     assert [(chunk.mark, chunk.data) for chunk in capture.chunks()] == SAID

@@ -1,6 +1,7 @@
-"""Packets that Wireshark wrote out, as PDML or as JSON, put back into a pcap of raw IP.
+"""Packets that Wireshark wrote out, as PDML, as JSON or as text with their bytes, put back into a pcap.
 
-Of each the time, the addresses, where it stands in its stream and what it carries: all that a stream is made of again.
+Of PDML and JSON it is one of raw IP: of each packet the time, the addresses, where it stands in its stream and what it
+carries, which is all that a stream is made of again.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from typing import Any, BinaryIO, Final
 
 _PIECE: Final = 1 << 18
 _RAW_IP: Final = 101  # the link type
-_PCAP: Final = struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, _RAW_IP)  # times in ns
+_HEAD: Final = struct.Struct("<IHHiIII")
+_NS: Final = 0xA1B23C4D, 2, 4, 0, 0, 1 << 18  # times in ns
 _MOST: Final = 1 << 15  # bytes that a packet carries
 
 
@@ -62,6 +64,33 @@ def json_packets(file: BinaryIO) -> Iterator[bytes]:
     return _pcap(dict(_flat(packet)) for packet in packets())
 
 
+def dissected_packets(file: BinaryIO) -> Iterator[bytes]:
+    """The packets of `tshark -V -x`, and of what Wireshark exports as text with details and bytes, as a pcap.
+
+    All are of the first one's encapsulation. Of a packet's dumps the first is the packet.
+    """
+    left, octets = 0, b""
+    link: int | None = None
+    time: Decimal | None = None
+    for line in file:
+        name, _, told = line.strip().partition(b":")
+        with suppress(LookupError, ValueError, InvalidOperation):
+            if line.startswith(b"Frame "):
+                left, octets, time = int(told.split(b", ")[1].split()[0]), b"", None
+            elif name == b"Encapsulation type" and not octets:
+                number = int(told.rpartition(b"(")[2].rstrip(b")"))
+                if link is None:
+                    link = _LINKS.get(number, _UNKNOWN)
+                    yield _HEAD.pack(*_NS, link)
+            elif name in _EPOCHS:
+                time = Decimal(told.split()[0].decode())
+            elif left and time is not None and link is not None:
+                row = bytes.fromhex(line.partition(b"  ")[2].partition(b"   ")[0].decode())[:left]
+                octets, left = octets + row, left - len(row)
+                if not left:
+                    yield struct.pack("<IIII", *divmod(int(time * 10**9), 10**9), len(octets), len(octets)) + octets
+
+
 def _flat(tree: object) -> Iterator[tuple[str, str]]:
     """The fields of a packet, wherever in its tree they stand; of several of a name the last."""
     waiting = [tree]
@@ -75,13 +104,19 @@ def _flat(tree: object) -> Iterator[tuple[str, str]]:
                 waiting.append(first)
 
 
+_EPOCHS: Final = frozenset((b"Epoch Time", b"Epoch Arrival Time"))  # until Wireshark 4.0, and since
+_LINKS: Final = {  # Wireshark's numbers of encapsulations: link types
+    1: 1, 7: _RAW_IP, 15: 0, 25: 113, 45: 147, 95: 189, 115: 220, 129: 228, 130: 229, 152: 249, 153: 250, 155: 252,
+    174: 108, 210: 276,
+}  # fmt: skip
+_UNKNOWN: Final = 0xFFFF  # no link type
 _BY_VALUE: Final = frozenset(("timestamp", "tcp.payload", "udp.payload"))  # which PDML shows otherwise
 _TIMES: Final = "frame.time_epoch", "timestamp"
 
 
 def _pcap(packets: Iterator[Mapping[str, str]]) -> Iterator[bytes]:
     """A pcap of packets that are given by the names of their fields; what carries neither TCP nor UDP is left out."""
-    yield _PCAP
+    yield _HEAD.pack(*_NS, _RAW_IP)
     for fields in packets:
         with suppress(KeyError, ValueError, InvalidOperation, OverflowError, struct.error):
             t_ns = int(Decimal(next(fields[name] for name in _TIMES if name in fields)) * 10**9)
