@@ -289,7 +289,7 @@ def _at_the_door(arguments: list[str]) -> int:
 
 def _general(arguments: list[str]) -> int:
     """What is said without a command: help, the version, what is wrong with an option that stands before one."""
-    if arguments and arguments[0] not in _OWN and (behind := [word for word in arguments if word in COMMANDS]):
+    if not _OWN.issuperset(arguments[:1]) and (behind := [word for word in arguments if word in COMMANDS]):
         option = arguments[0].partition("=")[0]
         parser = Parser(prog=f"rtuscope {behind[0]}")
         _fill(parser, behind[0])

@@ -42,10 +42,11 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         target = source.with_name(f"{source.stem}.repaired.mcap")
     to_be_overwritten(target, overwrite=arguments.overwrite, source=source)
-    result = repair(source, target, intact=named)
+    least = int(not named)
+    result = repair(source, target, least=least)
     for loss in result.damage:
         tell_user(f"{source}: {loss}")
-    if not (named or result.damage_count):
+    if result.damage_count < least:
         print(harmless(tr("{file}: nothing to repair: it can be read to its end", file=source)))
         return DONE
     print(harmless(f"{target}: {captured_words(result.chunks, result.bytes)}"))

@@ -232,15 +232,15 @@ class _IntactError(Exception):
     """What was to be repaired is whole."""
 
 
-def repair(source: Path, target: Path, *, intact: bool = True) -> Repaired:
+def repair(source: Path, target: Path, *, least: int = 0) -> Repaired:
     """Write all of `source` that can be read to `target`, whole. CaptureError where there is nothing to read.
 
-    `intact`: write it even where nothing of the source is damaged.
+    Where fewer than `least` places of the source are damaged, nothing is written.
     """
     capture = open(source)
     with suppress(_IntactError), replacing(target, private=True) as file:
         chunks, octets, notes = _copy(capture, source, file)
-        if not (intact or capture.damage_count):
+        if capture.damage_count < least:
             raise _IntactError
     return Repaired(chunks, octets, notes, capture.damage, capture.damage_count)
 
