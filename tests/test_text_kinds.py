@@ -41,3 +41,45 @@ def test_numbers_of_telephones_and_units_are_no_bytes() -> None:
     paste = read(f"{frames}\nL. Bianchi, tel. 02 55 12 34 80\nтелефон: 02 55 12 34 80\n")
     assert [piece.adu.data for piece in paste.pieces if isinstance(piece, PastedFrame)] == [ASKED, ANSWER] * 2
     assert len(paste.pieces) == 4
+
+
+def bytes_of(text: str) -> list[str]:
+    return [piece.adu.data.hex() if isinstance(piece, PastedFrame) else piece.data.hex() for piece in read(text).pieces]
+
+
+def test_a_lone_byte_is_read_where_a_column_tells_sizes() -> None:
+    rows = [
+        f"line 3;{2 + i / 10:.1f};Answer;{len(data)};{data.hex().upper()};"
+        for i, data in enumerate((ASKED, ANSWER) * 3)
+    ]
+    rows.insert(3, "line 3;2.25;?;1;00;Fault")
+    assert "00" in bytes_of("\n".join(rows))
+
+
+def test_a_lone_byte_is_read_below_a_line_that_announces_it() -> None:
+    text = "".join(
+        f"#{i} came in, {len(data)} bytes\n0000  {data.hex(' ')}\n" for i, data in enumerate((ASKED, b"\x00", ANSWER))
+    )
+    assert bytes_of(text * 2).count("00") == 2
+
+
+def test_a_row_with_an_error_in_a_cell_of_its_own_is_read() -> None:
+    spoilt = bytearray(ANSWER)
+    spoilt[4] ^= 0x10
+    rows = [
+        f"{i},{i / 1000:.6f},{byte:#04x}{',Parity,' if i == 11 else ',,'}"
+        for i, byte in enumerate(ASKED + spoilt + ASKED + ANSWER)
+    ]
+    assert "".join(bytes_of("No,Time,Data,Error,\n" + "\n".join(rows))) == (ASKED + spoilt + ASKED + ANSWER).hex()
+
+
+def test_a_buffer_shown_behind_each_piece_that_comes_is_said_already() -> None:
+    def shown(i: int) -> str:
+        ask, first, rest, whole = (data.hex(" ") for data in (ASKED, ANSWER[:4], ANSWER[4:], ANSWER))
+        return (
+            f"12:00:0{i}.1 sent {{ data: <Buffer {ask}> }}\n"
+            f"12:00:0{i}.2 got {{ data: <Buffer {first}>, all: <Buffer {first}> }}\n"
+            f"12:00:0{i}.3 got {{ data: <Buffer {rest}>, all: <Buffer {whole}> }}\n"
+        )
+
+    assert "".join(bytes_of("".join(map(shown, range(3))))) == (ASKED + ANSWER).hex() * 3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import Final
 
@@ -25,6 +25,7 @@ FEW: Final = 4  # bytes, up to which numbers beside one another may look like th
 LEAST_COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
 _MOST_COLUMNS: Final = 4  # from either side of a line
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
+_LEAST_CELLS: Final = 3  # of a row of a table
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 FIELDS: Final = 3  # names that make a list of a frame's fields
 _COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
@@ -154,13 +155,27 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
     fields = {name for name in names if name in experience.columns and any(map(str.isalpha, name))}
     above: LogLine | None = None
     for line, name in zip(lines, names, strict=True):
-        way = experience.columns.get(name)
+        way = experience.columns.get(name) or _way_of_emptier(name, experience.columns)
         if is_of_column(line) or (holds_bytes(line) and len(fields) > 1):
             above = None
         elif way is not None and (cell := cell_of(line, *way)) is not None and (part := cell.value(way[1])):
             take_tokens(line, [cell], part)
             line.continues = above is not None and _is_right_below(above, line)
             above = line
+
+
+def _way_of_emptier(skeleton: str, known: Mapping[str, tuple[int, str]]) -> tuple[int, str] | None:
+    """The way of rows that leave a cell empty in which this one has a word, as of an error."""
+    cells = _cells_of(skeleton)
+    for other, way in known.items():
+        theirs = _cells_of(other)
+        if _LEAST_CELLS <= len(theirs) == len(cells) and all(map(lambda *two: two[0] in ("", two[1]), theirs, cells)):
+            return way
+    return None
+
+
+def _cells_of(skeleton: str) -> list[str]:
+    return skeleton.replace(";", ",").replace("|", ",").split(",")
 
 
 def _is_right_below(above: LogLine, line: LogLine) -> bool:

@@ -90,6 +90,22 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
         del recent[:-_REMEMBERED]
 
 
+def leave_out_buffers(lines: Sequence[LogLine], experience: Experience) -> None:
+    """`data: 04 d0, buffer: 01 0f 04 d0`: a buffer with all that has come, shown behind each piece, says nothing new.
+
+    That a log shows one is known where it was not empty before a piece.
+    """
+    before, repeats = b"", []
+    for line in (line for line in lines if len(line.runs) > 1):
+        piece, buffer = line.runs[-2:]
+        if piece.label != buffer.label and buffer.data in (piece.data, before + piece.data):
+            experience.gathers |= buffer.data != piece.data
+            repeats.append((line, buffer))
+        before = buffer.data
+    for line, buffer in repeats if experience.gathers else ():
+        line.runs.remove(buffer)
+
+
 def _note_voices(entries: Sequence[_Entry], experience: Experience) -> None:
     """Who says right frames that nobody has just said: what they say again are answers that repeat a request."""
     said: deque[bytes] = deque(maxlen=_REMEMBERED)
@@ -152,8 +168,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
     part = entry if entry.data in earlier.data else earlier if not turned and earlier.data in entry.data else None
-    if part is None or part.checked or (part is earlier and not entry.checked):
-        return None
+    if part is None or len(part.data) == 1 or part.checked or (part is earlier and not entry.checked):
+        return None  # one byte is in many a frame
     experience.reports.add(pair)
     return part
 

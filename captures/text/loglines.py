@@ -251,7 +251,7 @@ class LineReader:
             return line
         line_marks, line.runs = self._searched(rest)
         in_dump = self._dump.row is not None and bool(line.runs) and line.runs[0].offset is not None
-        if not in_dump and not any(run.level or run.checked for run in line.runs):
+        if not (in_dump or self._is_counted(line) or any(run.level or run.checked for run in line.runs)):
             self._as_heading(line, rest, line_marks)
             self._times = time_column(text) or self._times
         if is_ruler(rest.strip(" |\t").split()) or _are_rulers(line):
@@ -305,6 +305,15 @@ class LineReader:
         parted, cells = marks_of_cells(rest, line_marks)
         self._heading = Heading(mark, t_ns, fine, label, port, left, bare, parted=parted, cells=cells)
         line.quiet = bare and line.t_ns is not None and _OCTET.search(rest) is None
+
+    def _is_counted(self, line: LogLine) -> bool:
+        """Whether its only bytes are as many as the line above says, or as are left of those."""
+        heading = self._heading
+        if heading is None or len(line.runs) != 1:
+            return False
+        run = line.runs[0]
+        run.counted = heading.left == len(run.data) and not _is_worded(line, run)
+        return run.counted
 
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""

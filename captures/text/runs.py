@@ -44,6 +44,7 @@ class ByteRun:
     offset: str | None = None
     halved: bool = False
     sure: bool = False  # a tool's own layout says so
+    counted: bool = False  # the line above says that just so many bytes follow
     padded: bool = False  # the dump's end says that there is a byte less
     checked: Sequence[Checked] = ()
     taken: bool = False
@@ -137,6 +138,7 @@ class Experience:
     taught: int = 0
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and writings of two reports of the same bytes
     tails: bool = False  # check values stand apart from their frames
+    gathers: bool = False  # behind what has come stands all that is in the buffer
     frames: int = 0  # that several runs are together
     # of lines alike: which of their numbers is a byte of a column, read how; which are a frame field by field
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)

@@ -14,7 +14,7 @@ from typing import Final
 from .candidates import shows
 from .choosing import MOST_JUDGED
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
-from .copies import settle_copies
+from .copies import leave_out_buffers, settle_copies
 from .judging import ByteJudge, unturned
 from .loglines import LogLine
 from .numbering import (
@@ -32,6 +32,7 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     """Decide for every run of these lines whether it is taken; the others say why not."""
     leave_out_short_offsets(lines)
     leave_out_line_numbers(lines)
+    leave_out_buffers(lines, experience)
     propose(lines, judge, experience)
     settle_series(lines, judge, experience)
     settle_columns(lines, unturned(judge), experience)

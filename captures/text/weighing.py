@@ -18,7 +18,7 @@ from .choosing import MOST_JUDGED
 from .columns import COLUMN_SHAPE
 from .judging import ByteJudge
 from .loglines import LogLine
-from .runs import ByteRun, Experience, covered
+from .runs import ByteRun, Experience, covered, is_whole
 
 _SUPPORTED: Final = (8.0, 4.0)  # above the floor, where others are right, or look more like bytes
 _RIGHT: Final = 16.0
@@ -35,12 +35,13 @@ _LEAST_ROWS: Final = 4  # of one byte each that can be a frame
 _NOT_BUT: Final = ("!=", "<>")
 _RECORD_AROUND: Final = 5  # bytes of a record of Intel HEX: how many it carries, two of an address, a type, a sum
 _RECORD_TYPES: Final = 6
-_TOKEN, _COMPUTED, _COUNT, _UNIT = (
+_TOKEN, _COMPUTED, _COUNT, _SIZE, _UNIT = (
     re.compile(pattern, re.IGNORECASE)
     for pattern in (
         r"\w+",
         r"\b(?:expect\w*|actual|calculat\w*|comput\w*|should be)\b\W{0,5}(?:0x)?$",
         r"(?<![\w.])(?:(\d{1,4}) ?|(?:single|one)[ -])(?:bytes?|байта?|字节)\b(?: frame)?\)?[\s:=]{1,3}(?:0x)?$",
+        r"(?<![\w.])(\d{1,4})\W{1,4}$",
         r"\.\d|\s?(?:[muµ]s|ns|мк?с|сек|m[VA]|kWh?|k?Hz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)",
     )
 )
@@ -71,10 +72,22 @@ class LinesAround:
         return frozenset(chain.from_iterable(group for group in groups if len(group) >= _LEAST_ROWS))
 
     @cached_property
+    def tell_sizes(self) -> bool:
+        """Whether a number stands right before all that is right, and is its size: `Answer;8;02030000…`."""
+        right = [(line, run) for line in self._lines for run in line.runs if is_whole(run)]
+        return len(right) >= _LEAST_ROWS and all(_size_before(line, run) == len(run.data) for line, run in right)
+
+    @cached_property
     def below(self) -> dict[int, LogLine]:
         """The next line that shows what looks like bytes, by the numbers of lines."""
         shown = (line for line in self._lines if any(run.level or run.checked for run in line.runs))
         return {one.number: other for one, other in pairwise(shown)}
+
+
+def _size_before(line: LogLine, run: ByteRun) -> int | None:
+    """The number right before a run."""
+    size = _SIZE.search(line.clean[max(run.start - _NEAR, 0) : run.start])
+    return None if size is None else int(size[1])
 
 
 class SingleByte(NamedTuple):
@@ -147,7 +160,9 @@ class Feature(NamedTuple):
 
 
 def _is_counted(span: SeenRun) -> bool:
-    """Whether the words before say that just so many bytes follow."""
+    """Whether the words above or before say that just so many bytes follow, or a number that says it in other lines."""
+    if span.run.counted or (span.around.tell_sizes and _size_before(span.line, span.run) == len(span.run.data)):
+        return True
     count = _COUNT.search(span.line.clean[max(span.run.start - _NEAR, 0) : span.run.start])
     return count is not None and int(count[1] or 1) == len(span.run.data)
 
