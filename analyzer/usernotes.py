@@ -1,15 +1,16 @@
 """What the user adds to a capture: bookmarks, comments and a time reference, in a file beside it.
 
 `bus.mcap` has `bus.mcap.rtuscope.json`. A note belongs to a row's bytes (port and offset), which stay the same however
-the capture is analysed. The file is written whole or not at all.
+the capture is analysed. The file is written whole or not at all, with what another window has noted there meanwhile.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from .errors import RtuscopeError
 
 _VERSION = 1
 _LONGEST = 64 << 20  # bytes
+K = TypeVar("K")
 Place = tuple[int, int]  # port, offset of the row's first byte
 
 
@@ -37,13 +39,19 @@ class Notes:
     reference: Place | None = None
     types: dict[tuple[int, int, int], str] = field(default_factory=dict)  # of registers: unit, area, address
     _before: list[tuple[Place, str | None]] = field(default_factory=list, compare=False)  # changed, to undo
+    _kept: Notes | None = field(default=None, compare=False, repr=False)  # as they stood in the file last
 
     @classmethod
     def beside(cls, capture: Path | None) -> Notes:
         """The notes of a capture, none where there is no file of them yet; NotesError."""
         if capture is None:
             return cls()
-        path = capture.with_name(capture.name + ".rtuscope.json")
+        notes = cls._read(capture.with_name(capture.name + ".rtuscope.json"))
+        notes._kept = notes._copied()
+        return notes
+
+    @classmethod
+    def _read(cls, path: Path) -> Notes:
         try:
             if not path.exists():
                 return cls(path)
@@ -119,6 +127,7 @@ class Notes:
         """Raises captures.CaptureError where it cannot be written; the notes stay in memory."""
         if self.path is None:
             return
+        self._take_in_others(self.path)
         bookmarks = [
             {"port": port, "start": start, **({"comment": text} if text else {})}
             for (port, start), text in sorted(self.comments.items())
@@ -131,6 +140,30 @@ class Notes:
         with captures.replacing(self.path, private=True) as out:
             text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
             out.write(text.encode(errors="backslashreplace"))  # half a surrogate pair comes out as JSON writes it
+        self._kept = self._copied()
+
+    def _copied(self) -> Notes:
+        return Notes(self.path, dict(self.comments), self.reference, dict(self.types))
+
+    def _take_in_others(self, path: Path) -> None:
+        """What another window has changed in the file since this one read or wrote it; CaptureError."""
+        kept = self._kept or Notes()
+        try:
+            theirs = self._read(path) if path.exists() else kept
+        except NotesError as error:
+            raise captures.CaptureError(str(error)) from error
+        _take_changes(self.comments, kept.comments, theirs.comments)
+        _take_changes(self.types, kept.types, theirs.types)
+        if theirs.reference != kept.reference == self.reference:
+            self.reference = theirs.reference
+
+
+def _take_changes(mine: dict[K, str], kept: Mapping[K, str], theirs: Mapping[K, str]) -> None:
+    """Into `mine` what differs between `kept` and `theirs`, where mine has not changed it, too."""
+    for key in {*kept, *theirs}:
+        if kept.get(key) != theirs.get(key) and mine.get(key) == kept.get(key):
+            mine.pop(key, None)
+            mine |= {key: theirs[key]} if key in theirs else {}
 
 
 def _register(text: str) -> tuple[int, int, int]:
