@@ -178,14 +178,29 @@ def text_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) ->
         yield number, bytes(rest)
 
 
+class Unfinished:
+    """Whether only a part of a file was written: that replaces no file; `path` is where it went then."""
+
+    def __init__(self, stopped: Callable[[], bool] = bool) -> None:
+        self.stopped = stopped
+        self.path: Path | None = None
+
+    def set_aside(self, part: Path, target: Path) -> None:
+        """Give a part a name beside the file that stays."""
+        names = (target.with_name(f"{target.stem}.partial{n}{target.suffix}") for n in ("", *range(2, 1000)))
+        self.path = move_to_free_name(part, names)
+
+
 @contextmanager
-def replacing(path: Path | str, *, private: bool = False) -> Iterator[BinaryIO]:
+def replacing(path: Path | str, *, private: bool = False, unfinished: Unfinished | None = None) -> Iterator[BinaryIO]:
     """A file to write that takes its name only when the block ends well, replacing what had that name.
 
     `private`: for its owner alone, where it is new; one that is there keeps its mode. What is not a regular file (a
     pipe, /dev/null) is written directly. CaptureError says which file could not be
-    written and why; whatever ends the block early, nothing is left under the name, nor beside it.
+    written and why; whatever ends the block early, nothing is left under the name, nor beside it. What `unfinished`
+    calls a part replaces nothing.
     """
+    unfinished = unfinished or Unfinished()
     path = Path(path)
     refuse_device_name(path)
     try:
@@ -204,7 +219,9 @@ def replacing(path: Path | str, *, private: bool = False) -> Iterator[BinaryIO]:
             with os.fdopen(handle, "wb") as stream:
                 yield stream
             part.chmod(mode)
-            if there:
+            if there and unfinished.stopped():
+                unfinished.set_aside(part, target)
+            elif there:
                 put_in_place(part, target)
             else:
                 _settle(part, target)

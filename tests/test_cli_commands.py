@@ -228,6 +228,18 @@ def test_a_signal_keeps_what_was_done(tmp_path, capsys, way):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+def test_a_part_does_not_replace_a_whole_file(tmp_path, capsys):
+    out = tmp_path / "frames.jsonl"
+    out.write_text("whole\n")
+    process = begun_export(long_bus(tmp_path, capsys), out, 1_000_000, "--overwrite")
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and b"frames.partial.jsonl; the file that was there stays" in err
+    assert out.read_text() == "whole\n" and not [*tmp_path.glob(".frames*")]
+    assert (tmp_path / "frames.partial.jsonl").read_text(encoding="utf-8").splitlines()[-1].endswith("}")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
 def test_a_signal_before_anything_passes_a_filter_leaves_what_is_there(tmp_path, capsys):
     out = tmp_path / "frames.jsonl"
     out.write_text("precious")

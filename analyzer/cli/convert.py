@@ -24,7 +24,15 @@ from .inputs import (
     time_span,
 )
 from .lineoptions import add_kept_names
-from .terminal import Progress, add_overwrite_argument, captured_words, interruptible, tell_user, to_be_overwritten
+from .terminal import (
+    Progress,
+    add_overwrite_argument,
+    captured_words,
+    interruptible,
+    tell_partial,
+    tell_user,
+    to_be_overwritten,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -96,6 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write it."""
     import captures
     from captures.editing import unlike_settings
+    from captures.files import Unfinished, replacing
 
     from ..core import observed
 
@@ -112,11 +121,16 @@ def run(arguments: argparse.Namespace) -> int:
     progress = Progress(f"convert {paths[0]}", "reads")
     written = _Written(progress)
     with interruptible() as stop:
+        unfinished = Unfinished(stop)
         merged = _merged(opened, arguments)
         edited = _cut(merged, arguments)
         kept = observed(edited, look=written.count, stop=stop)
         to_stdout, nothing = arguments.output == "-", ""
-        out = nullcontext(sys.stdout.buffer) if to_stdout else captures.replacing(arguments.output, private=True)
+        out = (
+            nullcontext(sys.stdout.buffer)
+            if to_stdout
+            else replacing(arguments.output, private=True, unfinished=unfinished)
+        )
         with suppress(_NothingKeptError), out as file:
             captures.write(file, kept, format=chosen.name)
             if not (written.bytes or edited is merged or to_stdout):
@@ -133,10 +147,10 @@ def run(arguments: argparse.Namespace) -> int:
         tell_user(f"{arguments.output}: this format cannot store {', '.join(lost)}")
     if unlike := [_OPTIONS[name] for name in unlike_settings(opened) if name in _OPTIONS]:
         tell_user(f"{arguments.output}: the captures differ in {', '.join(unlike)}; give these where you read it")
-    line = f"{arguments.output}: {captured_words(written.reads, written.bytes)}"
+    line = f"{unfinished.path or arguments.output}: {captured_words(written.reads, written.bytes)}"
     print(harmless(line), file=sys.stderr if to_stdout else sys.stdout)
     if stopped:
-        tell_user("interrupted; partial output is kept")
+        tell_partial(unfinished.path)
         return INTERRUPTED
     return DONE if written.bytes else NO_FRAME
 

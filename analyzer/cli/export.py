@@ -19,7 +19,7 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
-from .terminal import Progress, add_overwrite_argument, interruptible, tell_user, to_be_overwritten
+from .terminal import Progress, add_overwrite_argument, interruptible, tell_partial, tell_user, to_be_overwritten
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
         tell_user(f"{what}: {hint if result.bytes else 'nothing matches the filter'}")
         return INTERRUPTED if result.partial else NO_FRAME
     if result.partial:
-        tell_user("interrupted; partial output is kept")
+        tell_partial(result.aside)
         return INTERRUPTED
     if not result.frames and chosen is None:
         tell_user(f"{arguments.capture}: no Modbus frame found in {result.bytes:,} bytes")

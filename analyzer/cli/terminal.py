@@ -99,6 +99,12 @@ def tell_user(text: str) -> None:
     print(terminal_text(erase, f"rtuscope: {harmless(retold(text))}"), file=sys.stderr, flush=True)
 
 
+def tell_partial(aside: Path | None) -> None:
+    """That not all was written; where that is, as a file that was there stays."""
+    where = "" if aside is None else f" in {aside}; the file that was there stays"
+    tell_user(f"interrupted; partial output is kept{where}")
+
+
 def say_in_place(text: str) -> None:
     """A status on standard error, which must be a terminal, in place of the one before; empty takes it away."""
     sys.stderr.write(terminal_text(ERASE_LINE, text if isinstance(text, TerminalText) else harmless(text)))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from captures import Capture
 from captures.editing import cut_to_spans, cut_to_times
+from captures.files import Unfinished
 
 from ..core import analyse, deframe, observed
 from ..options import Options
@@ -50,6 +51,7 @@ class Exported:
     partial: bool  # stopped before the capture's end
     errors: int = 0  # findings of that severity, on the rows written and on the bus as a whole
     nothing: bool = False  # the filter let nothing through, or bytes outside frames alone, which were not asked for
+    aside: Path | None = None  # where a part is, as the file that has the name stays
 
 
 def export(
@@ -67,8 +69,8 @@ def export(
     `limits` are how to deframe and diagnose; `explain` in them is that of `options`. A filter that nothing passes
     writes no file, and leaves one that is there as it is.
 
-    The capture's own file is never written over. `progress` is told (frames, bytes) now and
-    then; once `stop` says True the file is completed with what came so far. Raises ExportError and FilterError.
+    The capture's own file is never written over. `progress` is told (frames, bytes) now and then; once `stop` says True
+    the file is completed with what came so far, beside one that is there. Raises ExportError and FilterError.
     """
     from ..core import analyse
 
@@ -78,7 +80,8 @@ def export(
     most = options.count if options.table == "frames" else sys.maxsize  # records of other tables their sink counts
 
     kept = suppress(_NothingPassesError)  # then what had the name stays
-    with kept, output(out, source=capture.path) as written:
+    unfinished = Unfinished(stop)
+    with kept, output(out, source=capture.path, unfinished=unfinished) as written:
         sink = open_sink(written, capture, options, name or format_name(out))
         stream = analyse(observed(capture, look=sink.block, stop=stop), replace(limits, explain=options.explain))
         stream = _begun(stream, sink)
@@ -105,7 +108,7 @@ def export(
         sink.close()
         if nothing and str(out) != "-":
             raise _NothingPassesError
-    return Exported(frames, octets, stop(), errors, nothing)
+    return Exported(frames, octets, stop(), errors, nothing, unfinished.path)
 
 
 class _NothingPassesError(Exception):

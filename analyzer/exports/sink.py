@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from captures import Block, Capture
+    from captures.files import Unfinished
     from dissectors.maps import RegisterMap
 
     from ..core import Analysed
@@ -66,11 +67,14 @@ class OutputStream:
 
 
 @contextmanager
-def output(path: str | Path, *, source: Path | None = None) -> Iterator[OutputStream]:
+def output(
+    path: str | Path, *, source: Path | None = None, unfinished: Unfinished | None = None
+) -> Iterator[OutputStream]:
     """Somewhere to write to; `-` is standard output.
 
     Leaving the block by an exception leaves no file. `source` is the file that is being read: writing onto it is
-    refused. Raises ExportError or captures.CaptureError with what the operating system says; BrokenPipeError passes.
+    refused. What `unfinished` calls a part replaces no file. Raises ExportError or captures.CaptureError with what the
+    operating system says; BrokenPipeError passes.
     """
     if str(path) == "-":
         try:
@@ -86,7 +90,7 @@ def output(path: str | Path, *, source: Path | None = None) -> Iterator[OutputSt
         return
     if source is not None and _same(Path(path), source):
         raise ExportError(f"{path}: is the capture being read: give another name")
-    with captures.replacing(path) as stream:
+    with captures.replacing(path, unfinished=unfinished) as stream:
         target = OutputStream(stream)
         yield target
         target.flush()

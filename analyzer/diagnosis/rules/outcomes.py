@@ -220,8 +220,8 @@ class _NeverAnswers(NamedTuple):
 
 
 _BY_RTU: Final = _NeverAnswers(
-    "it has not answered so far: the unit does not exist or has no power; otherwise wrong baud rate or parity, swapped A "
-    "and B, or a damaged request",
+    "it has not answered so far: the unit does not exist or has no power; otherwise wrong baud rate or parity, swapped "
+    "A and B, or a damaged request",
     "check the unit's power, address, line settings and wiring; remove it from the poll list if it does not exist",
 )
 _BY_TCP: Final = _NeverAnswers(
