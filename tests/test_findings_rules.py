@@ -251,3 +251,9 @@ def test_silence_over_tcp_on_a_line_that_answers_is_of_the_unit() -> None:
     silent = [one for part in analyse(capture) for one in described(part.findings) if one.code == "no-response"]
     assert silent and all(one.cause.startswith("the unit is absent or not configured in") for one in silent)
     assert "convert" not in "".join(one.remedy for one in silent)
+
+
+@pytest.mark.parametrize(("code", "slow"), [("0b", False), ("06", True)])
+def test_how_long_a_gateway_waits_is_not_how_slow_a_unit_is(code: str, slow: bool) -> None:
+    round_of_polls: list[bytes | float] = [20, FAR, 500, with_crc(f"0283{code}")]
+    assert ("slow-device" in {told for told, _ in bus(*(round_of_polls * 20))}) is slow

@@ -216,7 +216,7 @@ class PollRow:
 
     @property
     def wasted(self) -> int:
-        return self.asked - self.ok
+        return self.exceptions + self.unanswered + self.damaged
 
 
 @dataclass(frozen=True, slots=True)

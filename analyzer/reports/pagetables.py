@@ -198,7 +198,7 @@ def _poll_cells(row: PollRow) -> tuple[str, ...]:
     return (
         f"{page_words('unit {unit}', unit=row.unit)} {poll_words(row)}",
         compact(row.asked),
-        decimal(f"{row.ok / row.asked:.0%}"),
+        decimal(f"{row.ok / row.asked:.0%}") if row.ok + row.wasted else "-",  # of a broadcast no answer is waited for
         _number(row.wasted),
         "?" if row.period_ns is None else duration(row.period_ns),
         "?" if row.jitter_ns is None else duration(row.jitter_ns),

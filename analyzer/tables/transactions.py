@@ -30,6 +30,7 @@ LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond w
 LATE_NS: Final = 3_000_000_000  # and so long at least: not every tap tells how long the master waits
 LONGEST_NS: Final = 120_000_000_000  # nobody waits longer for an answer, though nothing else is asked meanwhile
 PATIENCE_NS: Final = 1_000_000_000  # as clients usually wait, until it shows how long this one does
+OF_GATEWAYS: Final = (0x0A, 0x0B)  # exceptions by which a gateway answers for a unit behind it ([1] 7)
 NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once

@@ -25,6 +25,7 @@ from ...languages import phrase
 from ...tables.bins import ColumnQueue, Histogram, Spread
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import Kind, Protocol
+from ...tables.transactions import OF_GATEWAYS
 from ..view import DiagnosisStep, where
 
 _ANSWERS: Final = 10  # of a unit, from which its times are compared
@@ -107,7 +108,8 @@ class Pace:
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         if len(view.transactions):
-            measured = where((view.transactions.response_ns >= 0) & ~view.transactions.late)
+            own = ~view.transactions.late & ~np.isin(view.transactions.exception, OF_GATEWAYS)
+            measured = where((view.transactions.response_ns >= 0) & own)
             self._waiting.add(view.transactions.unit[measured], view.transactions.response_ns[measured])
             if len(self._waiting) >= _AT_ONCE:
                 self._count()

@@ -24,6 +24,7 @@ from dissectors.registry import revision
 from ...languages import phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import Protocol
+from ...tables.transactions import OF_GATEWAYS
 from ..view import DiagnosisStep, where
 
 
@@ -305,7 +306,6 @@ def _text(numbers: Mapping[str, float]) -> str:
     return refused + (f", {phrase(meaning)}" if meaning else "")
 
 
-_OF_GATEWAYS: Final = (0x0A, 0x0B)
 _ITSELF: Final = (
     "unit {unit:02X} is the gateway itself, not a unit behind it",
     "set the unit's number in the client",
@@ -313,7 +313,7 @@ _ITSELF: Final = (
 
 
 def _use(numbers: Mapping[str, float]) -> tuple[str, str]:
-    if int(numbers["code"]) in _OF_GATEWAYS and int(numbers["unit"]) in (0, _GATEWAY):
+    if int(numbers["code"]) in OF_GATEWAYS and int(numbers["unit"]) in (0, _GATEWAY):
         return _ITSELF
     return _USES.get(int(numbers["code"]), ("a vendor-specific code", "look the code up in the device's manual"))
 
