@@ -255,5 +255,7 @@ def test_silence_over_tcp_on_a_line_that_answers_is_of_the_unit() -> None:
 
 @pytest.mark.parametrize(("code", "slow"), [("0b", False), ("06", True)])
 def test_how_long_a_gateway_waits_is_not_how_slow_a_unit_is(code: str, slow: bool) -> None:
-    round_of_polls: list[bytes | float] = [20, FAR, 500, with_crc(f"0283{code}")]
-    assert ("slow-device" in {told for told, _ in bus(*(round_of_polls * 20))}) is slow
+    wire = Wire().polls(40)
+    for _ in range(20):
+        wire.exchange(with_crc("090300700002"), with_crc(f"0983{code}"), wait_ms=500)
+    assert ("slow-device" in {finding.code for finding in diagnosed(wire)}) is slow
