@@ -130,12 +130,12 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     "byte-count",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} counts its bytes wrongly: {damaged:,} of {answers:,} answers have a correct check value and a byte "
-    "count "
-    "that does not fit what was asked",
+    text="Unit {unit} answers with another byte count than was asked for: {damaged:,} of {answers:,} answers have a "
+    "correct check value, and the client cannot use them",
     share=SHARE,
-    deciding_test="Compare the byte count of one answer with its length",
-    remedy="Update the unit's firmware; some clients can be set to ignore the byte count",
+    deciding_test="Compare the byte count of one answer with its length: where they agree, the unit has fewer registers "
+    "than are asked of it, or more; where they do not, it counts wrongly",
+    remedy="Ask for as many registers as it gives; where it counts wrongly, update its firmware",
 )
 def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit with a wrong count."""
