@@ -13,7 +13,7 @@ from .choosing import label_in
 from .judging import ByteJudge, frames_over, lenient
 from .loglines import LogLine
 from .runs import FLOORS, ByteRun, Experience, covered
-from .tokens import JOINED, NumberToken, cell_of, holds_numbers, skeleton_of, tokens_of
+from .tokens import JOINED, NumberToken, cell_of, holds_numbers, nth, skeleton_of, tokens_of
 from .tools import names_a_way
 
 COLUMN_SHAPE: Final = "column"
@@ -46,8 +46,7 @@ def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Exper
         if group and (not wanted or len(group) == MOST_ROWS):
             _column_of(group, judge, experience)
             group = []
-    if group:
-        _column_of(group, judge, experience)
+    _column_of(group, judge, experience)
 
 
 def _is_timed_word(line: LogLine) -> bool:
@@ -88,8 +87,8 @@ def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
             take_tokens(line, some, data)
             experience.fields.setdefault(skeleton, i)
             return
-    known = experience.fields.get(skeleton, len(readings))
-    if known < len(readings) and _LEAST < len(readings[known][1]) <= _FRAME:
+    known = experience.fields.get(skeleton)
+    if known is not None and _LEAST < len(readings[known][1]) <= _FRAME:
         take_tokens(line, *readings[known], checked=False)
 
 
@@ -99,7 +98,7 @@ def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberT
     `9e fc 31 5d`: where no other name stands between them, none is: leaving bytes out until a CRC comes out right would
     find frames in noise.
     """
-    if not tokens or _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
+    if _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
         return tokens
     return [token for token in tokens if not token.is_name]
 
@@ -133,10 +132,8 @@ def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -
             continue
         if (found := _one_column(alike, judge, ways, alike=True, damaged=experience.damaged)) is not None:
             known[skeleton] = found
-        elif skeleton not in known and (
-            ways := [*{*known.values()}]
-        ):  # as long as a header says, in a column of others
-            _one_column(alike, lenient(judge), ways, alike=True, damaged=True)
+        elif not ways and known:  # as long as a header says, in a column of others
+            _one_column(alike, lenient(judge), {*known.values()}, alike=True, damaged=True)
     searched = experience.damaged or experience.patience.ends(_COLUMNS)
     if 2 * sum(map(is_of_column, lines)) < len(lines) and not searched:
         found = _one_column(lines, judge, alike=False)
@@ -237,7 +234,7 @@ def _ways(
         fewest = min(max(map(len, table)), _MOST_COLUMNS)
         for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
             if not known or (i, reading) in known:
-                yield (i, reading), [tokens[i] if -len(tokens) <= i < len(tokens) else None for tokens in table]
+                yield (i, reading), [nth(tokens, i) for tokens in table]
 
 
 def _is_numbering(parts: Sequence[bytes]) -> bool:
@@ -273,33 +270,32 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
     Lines of nothing but one or two hex digits; and, where a text holds nothing that is plainer, bytes beside what each
     means: `0x01 -> unit`. Numbers that only rise count something, and are none.
     """
-    for twice, same in groupby(lines, _in_two_bases):
-        group = list(same)
-        if twice and len(group) >= LEAST_COLUMN and not any(map(holds_bytes, group)):
-            _take_unchecked(group, [tokens_of(line)[-1] for line in group])
-    for loose, same in groupby(lines, _is_loose):
-        group = list(same)
-        table = [tokens_of(line, JOINED) for line in group]
-        if not loose or len(group) < LEAST_COLUMN or not all(table):
-            continue
-        bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(group, table, strict=True))
-        named = len({skeleton_of(line) for line in group}) >= FIELDS
-        if not bare and not (experience.floor == FLOORS[-1] and named):
-            continue
-        columns = [[tokens[i] for tokens in table] for i in (0, -1)]
-        column = next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), None)
-        if column is not None:
-            _take_unchecked(group, column)
+    for is_of_message, column_of in ((_in_two_bases, _column_in_hex), (_is_loose, _column_of_bytes)):
+        for fits, same in groupby(lines, is_of_message):
+            group = list(same)
+            column = column_of(group, experience) if fits and len(group) >= LEAST_COLUMN else ()
+            for line, token in zip(group, column, strict=False):
+                take_tokens(line, [token], token.hexadecimal, checked=False)
+                line.continues = line is not group[0]
+
+
+def _column_in_hex(lines: Sequence[LogLine], _: Experience) -> Sequence[NumberToken]:
+    """The last numbers of lines that say each byte in two bases."""
+    return () if any(map(holds_bytes, lines)) else [tokens_of(line)[-1] for line in lines]
+
+
+def _column_of_bytes(lines: Sequence[LogLine], experience: Experience) -> Sequence[NumberToken]:
+    """The first or the last numbers of lines that have nothing else, or that say what each means."""
+    table = [tokens_of(line, JOINED) for line in lines]
+    bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(lines, table, strict=True))
+    if not bare and (experience.floor != FLOORS[-1] or len({skeleton_of(line) for line in lines}) < FIELDS):
+        return ()
+    columns = [[tokens[i] for tokens in table] for i in (0, -1)]
+    return next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), ())
 
 
 def _is_loose(line: LogLine) -> bool:
     return holds_numbers(line) and not is_right(line) and not holds_bytes(line)
-
-
-def _take_unchecked(lines: Sequence[LogLine], column: Sequence[NumberToken]) -> None:
-    for line, token in zip(lines, column, strict=True):
-        take_tokens(line, [token], token.hexadecimal, checked=False)
-        line.continues = line is not lines[0]
 
 
 def _in_two_bases(line: LogLine) -> bool:
