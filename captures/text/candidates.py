@@ -101,13 +101,10 @@ def counts_up(data: bytes) -> bool:
 
 def is_ruler(tokens: Sequence[str]) -> bool:
     """Whether these are the numbers that dumps and tables write above their columns."""
-    if len(tokens) < _RULER or not all(_PAIR.fullmatch(token) for token in tokens):
+    if len(tokens) < _RULER or not all(map(_PAIR.fullmatch, tokens)):
         return False
-    for base in (16, 10) if all(token.isdigit() for token in tokens) else (16,):
-        first = int(tokens[0], base)
-        if [int(token, base) for token in tokens] == [*range(first, first + len(tokens))]:
-            return True
-    return False
+    bases = (16, 10) if all(map(str.isdigit, tokens)) else (16,)
+    return any(all(b - a == 1 for a, b in pairwise(int(token, base) for token in tokens)) for base in bases)
 
 
 def shows(data: bytes, text: str) -> bool:
@@ -154,17 +151,12 @@ def offset_at_the_end(before: str) -> re.Match[str] | None:
 def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
     """A candidate with what stands before it taken into account."""
     before = line.before(found.start)
-    if found.shape in ROWS and (offset := offset_at_the_end(before)) is not None:
-        begin = found.start - len(before) + offset.start("all")
-        if begin in line.first:
-            number = len(found.data) <= _NUMBER  # `40003: 1000`
-            level = (
-                found.level if number else max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
-            )
-            return found._replace(offset=offset[2], level=level, lead=begin)
-    if found.level and is_named_otherwise(before):
-        return found._replace(level=Writing.NUMBER, lead=found.start)
-    return found._replace(lead=found.start)
+    offset = offset_at_the_end(before) if found.shape in ROWS else None
+    if offset is not None and (begin := found.start - len(before) + offset.start("all")) in line.first:
+        level = Writing.BYTES if len(found.data) > _NUMBER else found.level  # `40003: 1000`
+        return found._replace(offset=offset[2], level=level, lead=begin)
+    named = found.level and is_named_otherwise(before)
+    return found._replace(level=Writing.NUMBER if named else found.level, lead=found.start)
 
 
 def is_named_otherwise(before: str) -> bool:

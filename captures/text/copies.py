@@ -49,6 +49,10 @@ class _Entry:
     def last(self) -> LogLine:
         return self.parts[-1][0]
 
+    def is_against(self, other: _Entry) -> bool:
+        """Whether marks say that two speak to one another."""
+        return 0 != self.mark != other.mark != 0
+
     @property
     def repeats(self) -> bool:
         """Whether an answer may be the same bytes, or the first of them."""
@@ -74,7 +78,7 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
             near = _one_report(earlier, entry) and others < _BETWEEN
             drop = _copy_of_two(earlier, entry, experience, turned=turned) if near else None
             if drop is None:
-                turned = turned or 0 != earlier.mark != entry.mark != 0
+                turned = turned or earlier.is_against(entry)
                 others += earlier.checked and earlier.last is not entry.first
             elif drop is earlier:
                 _leave_out_copy(earlier, entry)
@@ -127,14 +131,13 @@ def _leave_out_copy(drop: _Entry, other: _Entry) -> None:
 
 def _one_report(earlier: _Entry, entry: _Entry) -> bool:
     """Whether two runs can be of one log entry: near in the text and in time, of one direction."""
-    far = entry.first.number - earlier.last.number > _ENTRY_LINES
-    if far or 0 != earlier.mark != entry.mark != 0:
+    if entry.first.number - earlier.last.number > _ENTRY_LINES or earlier.is_against(entry):
         return False
     first, second = earlier.last.t_ns, entry.first.t_ns
     if first is None or second is None:
         return True
-    limit = _ENTRY_FINE_NS if earlier.last.fine and entry.first.fine else _ENTRY_COARSE_NS
-    return abs(second - first) <= limit
+    fine = earlier.last.fine and entry.first.fine
+    return abs(second - first) <= (_ENTRY_FINE_NS if fine else _ENTRY_COARSE_NS)
 
 
 def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turned: bool) -> _Entry | None:

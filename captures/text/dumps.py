@@ -55,8 +55,9 @@ class Dump:
 
     def shows(self, rest: str) -> bool:
         """Whether a line without an offset is the newest row as characters, as `od -t x1c` writes it below."""
-        cells = OD_BELOW.match(rest) if self.row is not None else None
-        return cells is not None and self.row is not None and od_bytes(cells["row"]) == self.row.data
+        if self.row is None or (cells := OD_BELOW.match(rest)) is None:
+            return False
+        return od_bytes(cells["row"]) == self.row.data
 
     def _is_next(self, digits: str, length: int) -> bool:
         """Whether these digits are where the dump goes on: in hex, or in octal or decimal as od writes it."""

@@ -119,9 +119,7 @@ class TimeColumn:
         if not self.number < len(cells) <= self.columns + 1:
             return None
         start, end = cells[self.number]
-        cell = _CELL.match(text[start:end])
-        t_ns = None if cell is None else self._time(cell)
-        if cell is None or t_ns is None:
+        if (cell := _CELL.match(text[start:end])) is None or (t_ns := self._time(cell)) is None:
             return None
         numbers = self.numbered and all(text[a:b].strip(" \"'").isdigit() for a, b in cells[: self.number])
         begin = cells[0][0] if numbers else start

@@ -98,7 +98,7 @@ def settle_tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experie
     for line in lines:
         if line.number - since > _TAIL_LINES:
             open_runs = []
-        for run in line.runs if len(line.runs) == 1 else sorted(line.runs, key=lambda run: run.shape != shape):
+        for run in sorted(line.runs, key=lambda run: run.shape != shape):
             begun = open_runs if run.taken or not is_computed(run, line) else []
             if run.checked or _completes(run, begun, judge, experience):
                 open_runs = [] if run.taken else open_runs

@@ -104,20 +104,19 @@ def _is_record(text: str) -> bool:
 
 
 class SeenRun(NamedTuple):
-    """A run in its line, what has been learnt of the text, the runs before and behind it, and the lines around."""
+    """A run in its line, what has been learnt of the text, the lines around, and the run before it."""
 
     run: ByteRun
     line: LogLine
     learnt: Experience
     around: LinesAround
     before: ByteRun | None = None
-    behind: ByteRun | None = None
 
     @property
     def between(self) -> str:
         """The characters between the run before, which is bytes, and this one."""
-        taken = self.before is not None and self.before.taken
-        return self.line.clean[self.before.end : self.run.start] if taken and self.before is not None else ""
+        before = self.before
+        return self.line.clean[before.end : self.run.start] if before is not None and before.taken else ""
 
     @property
     def shown(self) -> str:
@@ -192,7 +191,7 @@ def _is_instead(span: SeenRun) -> bool:
 def _is_size(span: SeenRun) -> bool:
     """`WRITE: 8B` above eight bytes says how many they are."""
     below = span.around.below.get(span.line.number)
-    if below is None or span.behind is not None or span.shown[-1:] not in ("B", "b"):
+    if below is None or span.run is not span.line.runs[-1]:
         return False
     size = sum(len(run.data) for run in below.runs if run.level or run.checked)
     return size > 1 and span.shown.upper() == f"{size}B"
@@ -262,8 +261,8 @@ def propose(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) 
     """Take what looks better than the floor of its text."""
     around = LinesAround(lines, judge)
     for line in lines:
-        for before, run, behind in zip((None, *line.runs), line.runs, (*line.runs[1:], None), strict=False):
-            seen = SeenRun(run, line, experience, around, before, behind)
+        for before, run in zip((None, *line.runs), line.runs, strict=False):
+            seen = SeenRun(run, line, experience, around, before)
             row, reading = next((row, held) for row in LOOKS if (held := row.holds(seen)))
             if not isinstance(reading, bool):
                 run.take(reading)
@@ -321,11 +320,8 @@ def reads_of(lines: Sequence[LogLine]) -> Iterator[list[tuple[LogLine, ByteRun]]
 
 def _written_alike(read: list[tuple[LogLine, ByteRun]]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
     """A read in parts of which each is written alike; the last row of a dump may be short."""
-    begins = [
-        i
-        for i, ((_, above), (_, run)) in enumerate(pairwise(read), 1)
-        if above.build != run.build and not run.checked and run.offset is None
-    ]
+    rows = enumerate(pairwise([run for _, run in read]), 1)
+    begins = [i for i, (above, run) in rows if above.build != run.build and not run.checked and run.offset is None]
     return (read[first:last] for first, last in pairwise([0, *begins, len(read)]))
 
 
