@@ -75,7 +75,7 @@ def _labelled(runs: list[ByteRun], text: str) -> list[ByteRun]:
     for i, run in enumerate(runs):
         if behind:
             run.label = label_in(text[max(behind, run.start - 2 * _LABEL) : run.start])
-        behind = run.end if run.level or run.checked else behind
+        behind = run.end if run.is_likely else behind
         if run.offset is None:
             continue
         shown = run.checked or shows(run.data, text[run.end :].strip(_AROUND))

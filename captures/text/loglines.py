@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 
 from captures.text import stamps
 
-from .candidates import Writing, halves, is_ruler, line_of
+from .candidates import HexWindow, Writing, halves, is_ruler, line_of
 from .choosing import label_in, runs_in, with_marks
 from .dumps import Dump
 from .escapes import unescape
@@ -172,34 +172,35 @@ class LineReader:
     def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> LogLine | None:
         if shape.role is LineRole.NOTHING:
             return self._carries_nothing(text, number)
-        groups = {name: said or "" for name, said in match.groupdict().items()}
-        above, way = self._heading, groups.get("mark", "").lower()
-        mark = MARK_WORDS.get(way, shape.mark)
-        if shape.mark and above is not None and above.joins:
-            mark = above.mark or mark  # `Rx` in the line above says more than a layout
-        t_ns, fine = self._shaped_time(groups)
+        groups, above = match.groupdict(""), self._heading
+        way = groups.get("mark", "").lower()
         length = int(groups["length"]) if groups.get("length") else None
+        line = LogLine(number, text, text, quiet=True)
+        line.t_ns, line.fine = self._shaped_time(groups)
         if shape.role is LineRole.HEADER:
-            if t_ns is None and above is not None:
-                t_ns, fine = above.t_ns, above.fine  # its time stands in a line of its own
-            self._heading = Heading(mark, t_ns, fine, shape.tool, left=length, joins=True, exact=True)
+            self._heading = Heading(
+                MARK_WORDS[way], line.t_ns, line.fine, shape.tool, left=length, joins=True, exact=True
+            )
+            if line.t_ns is None and above is not None:  # its time stands in a line of its own
+                self._heading = self._heading._replace(t_ns=above.t_ns, fine=above.fine)
             return LogLine(number, text, quiet=True)
-        line = LogLine(number, text, text, t_ns=t_ns, fine=fine, quiet=True)
-        if shape.tool == "pymodbus":
-            self._received = self._received or way == "recv"
-            if self._received and way not in ("send", "recv"):  # what was received, once more
+        self._received = self._received or way == "recv"
+        if shape.tool == "pymodbus" and way not in ("send", "recv"):
+            if self._received:  # what was received, once more
                 return line
             if way not in MARK_WORDS:  # it may be a PDU alone
                 return self._any_line(text, number)
-        run = self._payload(groups["hex"], shape, f"{shape.tool} {way}")
+        label = f"{shape.tool} {way}"
+        run = self._payload(groups["hex"], shape, label)
         self._heading = None
         if run is None:
             return line if not _WORD.search(groups["hex"]) else None
         if groups.get("cut"):
-            shown = f"{len(run.data)} of {length} bytes" if length else f"the first {len(run.data)} bytes"
-            line.problem = f"the log shows {shown} only"
+            line.problem = f"the log shows {len(run.data)} of {length} bytes only"
         run.data = run.data if length is None else run.data[: max(length, 0)]
-        run.mark, run.sure, run.label = mark, True, f"{shape.tool} {way}"
+        run.mark, run.sure, run.label = MARK_WORDS.get(way, shape.mark), True, label
+        if shape.mark and above is not None and above.joins:
+            run.mark = above.mark or shape.mark  # `Rx` in the line above says more than a layout
         if run.data:
             line.runs, line.quiet = [run], False
         return line
@@ -218,8 +219,7 @@ class LineReader:
             return stamps.in_range(round(int(groups["sample"]) / self.sample_rate * 1e9)), True
         if groups.get("us"):
             return stamps.in_range(int(groups["us"]) * 1000), True
-        stamp = stamps.find(stamps.short_fraction(groups.get("time", "")), self.zone)[0]
-        return self._time(stamp), stamp is not None and stamp.fine
+        return self._time(stamps.find(stamps.short_fraction(groups.get("time", "")), self.zone)[0])
 
     def _payload(self, text: str, shape: Shape, label: str) -> ByteRun | None:
         """The bytes of a tool's line, in whatever shape they stand; what was right in lines like it goes first."""
@@ -228,50 +228,44 @@ class LineReader:
             return ByteRun(data, 0, len(text), "\\x", Writing.BYTES, checked=self.judge(data))
         _, runs = self._searched(text)
         for run in runs:
-            shapes = {run.shape: run} | {other.shape: other for other in run.others}
-            known = max(shapes, key=lambda shape: self.experience.trust(label, shape, direct=False))
             if not run.checked:
-                run.take(shapes[known])
+                ways: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
+                run.take(max(ways, key=lambda way: self.experience.trust(label, way.shape, direct=False)))
         return max(runs, key=lambda run: (bool(run.checked), run.level, len(run.data)), default=None)
 
     def _any_line(self, text: str, number: int) -> LogLine:
         stamp, rest = self._stamp(text)
         rest = _CODE_SPAN.sub(r"\1", rest)
-        t_ns = self._time(stamp)
-        line = LogLine(number, text, rest, t_ns=t_ns, fine=stamp is not None and stamp.fine, stamped=t_ns is not None)
-        if stamp is not None:
-            self.zoneless = self.zoneless or not (stamp.of_day or stamp.zoned)
+        t_ns, fine = self._time(stamp)
+        line = LogLine(number, text, rest, t_ns=t_ns, fine=fine, stamped=t_ns is not None, quiet=True)
         if not _WORD.search(rest):
-            line.quiet = True
             if t_ns is not None:
-                self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
+                self._heading = Heading(NONE, t_ns, fine, "", joins=True)
             return line
         if self._dump.ends_with(rest) or self._dump.shows(rest):
-            line.quiet = True
             return line
+        line.quiet = False
         line_marks, line.runs = self._searched(rest)
-        in_dump = self._dump.row is not None and bool(line.runs) and line.runs[0].offset is not None
-        if not in_dump and not any(run.level or run.checked for run in line.runs):
-            self._as_heading(line, rest, line_marks)
+        in_dump = self._dump.row is not None and any(run.offset is not None for run in line.runs[:1])
+        if not in_dump and not any(run.is_likely for run in line.runs):
+            self._as_heading(line, line_marks)
             self._times = time_column(text) or self._times
-        if is_ruler(rest.strip(" |\t").split()) or _are_rulers(line):
-            line.quiet = True
-        if not line.runs:
-            line.quiet = line.quiet or _COMMENT.match(text) is not None
-            line.problem = None if line.quiet else halves(rest) or f"no bytes found in {quoted(text)}"
-            return line
-        return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
+        line.quiet = line.quiet or _is_ruler(line)
+        if line.runs:
+            return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
+        line.quiet = line.quiet or _COMMENT.match(text) is not None
+        line.problem = None if line.quiet else halves(rest) or f"no bytes found in {quoted(text)}"
+        return line
 
     def _stamp(self, text: str) -> tuple[Stamp | None, str]:
         """The time of a line, and the line without any."""
-        in_column = self._times.find(text) if self._times is not None else None
-        if in_column is None:
-            stamp, rest = stamps.find(text, self.zone)
-            if stamp is None or not stamp.counter or self.experience.habits.counters:
-                return stamp, rest
-            self.stamps.append(stamp)
-            return None, text
-        return in_column[0], stamps.find(in_column[1], self.zone)[1]
+        if self._times is not None and (in_column := self._times.find(text)) is not None:
+            return in_column[0], stamps.find(in_column[1], self.zone)[1]
+        stamp, rest = stamps.find(text, self.zone)
+        if stamp is None or not stamp.counter or self.experience.habits.counters:
+            return stamp, rest
+        self.stamps.append(stamp)
+        return None, text
 
     def _searched(self, text: str) -> tuple[list[LineMark], list[ByteRun]]:
         """Marks and runs of a text without its times; logs repeat themselves, so what was met is remembered."""
@@ -288,8 +282,9 @@ class LineReader:
             remembered = self.memory[text] = learnt, line_marks, runs
         return remembered[1], [copy(run) for run in remembered[2]]
 
-    def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
+    def _as_heading(self, line: LogLine, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
+        rest = line.clean
         bare = bool(line_marks) and not _WORD.search(rest[line_marks[-1].end :])
         said = [one.mark for one in line_marks if bare or not one.arrow]  # an arrow between words is none
         mark = said[-1] if len({*said}) == 1 else NONE  # `what I send and what comes`
@@ -308,32 +303,36 @@ class LineReader:
 
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
-        first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
+        first = next((run for run in line.runs if run.is_likely), line.runs[0])
         line.continues = self._dump.goes_on(first, line.t_ns)
         heading = self._heading
-        if heading is None or mark or _is_worded(line, first):
-            if heading is not None and line.t_ns is None and not heading.rows:
-                line.t_ns, line.fine = heading.t_ns, heading.fine
-            if first.level or first.checked:
-                self._heading = None
+        if heading is not None and not mark and not _is_worded(line, first):
+            self._below(heading, line, first, stamped=stamp is not None)
             return line
-        for run in line.runs:
-            run.mark = run.mark or heading.mark_at(line.text, run.start)
-            if not run.label:
-                run.heading = heading.label or " "
-        if stamp is None:
-            goes_on = heading.takes(len(first.data)) and first.offset is None
-            line.continues = heading.rows > 0 and (line.continues or goes_on)
-            line.port, line.t_ns, line.fine = heading.port, heading.t_ns, heading.fine
-            self._heading = heading.above(len(first.data))
+        if heading is not None and line.t_ns is None and not heading.rows:
+            line.t_ns, line.fine = heading.t_ns, heading.fine
+        if first.is_likely:
+            self._heading = None
         return line
 
-    def _time(self, stamp: Stamp | None) -> int | None:
-        """Nanoseconds that go on past midnight; None also where no capture holds such a time."""
-        return None if stamp is None else stamps.in_range(self._counted_on(stamp))
+    def _below(self, heading: Heading, line: LogLine, first: ByteRun, *, stamped: bool) -> None:
+        """Put a line without words below its heading."""
+        for run in line.runs:
+            run.mark = run.mark or heading.mark_at(line.text, run.start)
+            run.heading = "" if run.label else heading.label or " "
+        if not stamped:
+            goes_on = line.continues or (heading.takes(len(first.data)) and first.offset is None)
+            line.continues = heading.rows > 0 and goes_on
+            line.port, line.t_ns, line.fine = heading.port, heading.t_ns, heading.fine
+            self._heading = heading.above(len(first.data))
+
+    def _time(self, stamp: Stamp | None) -> tuple[int | None, bool]:
+        """Nanoseconds that go on past midnight, or None where no capture holds them; whether they go beyond seconds."""
+        return (None, False) if stamp is None else (stamps.in_range(self._counted_on(stamp)), stamp.fine)
 
     def _counted_on(self, stamp: Stamp) -> int:
         self.stamps.append(stamp)
+        self.zoneless = self.zoneless or not (stamp.of_day or stamp.zoned)
         t_ns = counted(stamp, self.experience.habits.width)
         if stamp.unnamed and self.experience.habits.days:
             t_ns = of_days(t_ns)
@@ -361,6 +360,7 @@ def _is_settled(run: ByteRun) -> bool:
     return is_whole(run) and not run.rivals
 
 
-def _are_rulers(line: LogLine) -> bool:
-    """Whether all that could be bytes are the numbers above columns: `Offset  0  1  2 …`."""
-    return bool(line.runs) and all(is_ruler(line.clean[run.start : run.end].split()) for run in line.runs)
+def _is_ruler(line: LogLine) -> bool:
+    """Whether all of a line, or all that could be bytes, are the numbers above columns: `Offset  0  1  2 …`."""
+    shown = [line.clean[run.start : run.end] for run in line.runs]
+    return is_ruler(line.clean.strip(" |\t").split()) or (bool(shown) and all(is_ruler(s.split()) for s in shown))

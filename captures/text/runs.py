@@ -57,6 +57,11 @@ class ByteRun:
     looks: float = 0.0  # bits that it has for its looks; none, where something else than they had it taken
 
     @property
+    def is_likely(self) -> bool:
+        """Whether it looks like bytes, or is some."""
+        return bool(self.level or self.checked)
+
+    @property
     def build(self) -> str:
         """Its shape, and how wide its words are."""
         return f"{self.shape} of {self.width}" if self.width else self.shape

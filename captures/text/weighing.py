@@ -73,7 +73,7 @@ class LinesAround:
     @cached_property
     def below(self) -> dict[int, LogLine]:
         """The next line that shows what looks like bytes, by the numbers of lines."""
-        shown = (line for line in self._lines if any(run.level or run.checked for run in line.runs))
+        shown = (line for line in self._lines if any(run.is_likely for run in line.runs))
         return {one.number: other for one, other in pairwise(shown)}
 
 
@@ -193,7 +193,7 @@ def _is_size(span: SeenRun) -> bool:
     below = span.around.below.get(span.line.number)
     if below is None or span.run is not span.line.runs[-1]:
         return False
-    size = sum(len(run.data) for run in below.runs if run.level or run.checked)
+    size = sum(len(run.data) for run in below.runs if run.is_likely)
     return size > 1 and span.shown.upper() == f"{size}B"
 
 
