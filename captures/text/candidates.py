@@ -206,6 +206,6 @@ def halves(text: str) -> str | None:
     return None
 
 
-def shortened(word: str) -> str:
-    """A word as a message quotes it."""
-    return word if len(word) <= 24 else word[:21] + "..."
+def shortened(text: str, most: int = 24) -> str:
+    """A text as a message quotes it, up to so many characters."""
+    return text if len(text) <= most else text[: most - 3] + "..."

@@ -141,7 +141,7 @@ def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_R
         return []
     ways = [_ranked(candidate, line, judge, experience) for candidate in run_together(line)]
     right = [entry for entry in ways if entry.whole and _is_beyond_chance(entry.checked[0])]
-    experience.patience.spend(_RUN_TOGETHER, bool(ways), found=bool(right))
+    experience.patience.spend(_RUN_TOGETHER, len(ways), found=bool(right))
     return right if len(right) == 1 else []
 
 

@@ -170,6 +170,13 @@ _LINES_NS: Final = 2_000_000  # of numbers of lines, or of two together, read as
 _FEWEST_STEPS: Final = 3  # that tell days from seconds
 _SOONEST_NS: Final = 80_000  # of rows in seconds: a byte at 115200 bit/s takes longer
 _SOONEST_BARE_NS: Final = 1_000  # where nothing else says that they are days
+_NOTICES: Final = (  # of habits, one by one
+    "fractions of a second are read as {} without leading zeros: as decimals they would run backwards",
+    "times with a plus are read as steps from the one above: as absolute times they would run backwards",
+    "times are read as days, as spreadsheets count them: as seconds they would be too close together",
+    "",
+    "numbers before line marks are read as milliseconds",
+)
 _UNITS_OF: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}  # by digits
 
 
@@ -185,28 +192,20 @@ class ClockHabits(NamedTuple):
     @property
     def notices(self) -> Iterator[str]:
         """What was made of it, for people."""
-        if self.width:
-            unit = _UNITS_OF[self.width]
-            yield (
-                f"fractions of a second are read as {unit} without leading zeros: as decimals they would run backwards"
-            )
-        if self.steps:
-            yield "times with a plus are read as steps from the one above: as absolute times they would run backwards"
-        if self.days:
-            yield "times are read as days, as spreadsheets count them: as seconds they would be too close together"
-        if self.counters and self.guessed:
-            yield "numbers before line marks are read as milliseconds"
+        unit = _UNITS_OF.get(self.width)
+        return (notice.format(unit) for notice, holds in zip(_NOTICES, self, strict=True) if holds and notice)
 
 
 def habits_of(stamps: Iterable[Stamp]) -> ClockHabits:
     """What the times of a text's beginning, in their order, tell."""
     stamps = list(stamps)
+    counters = _are_milliseconds(_steps(stamp.t_ns for stamp in stamps if stamp.counter))
     return ClockHabits(
         _width([stamp for stamp in stamps if stamp.places]),
         any(step < 0 for step in _steps(stamp.t_ns for stamp in stamps if stamp.signed)),
         _are_days([stamp.t_ns for stamp in stamps if stamp.unnamed and not stamp.counter]),
-        _are_milliseconds(_steps(stamp.t_ns for stamp in stamps if stamp.counter)),
-        any(stamp.counter and stamp.unnamed for stamp in stamps),
+        counters,
+        counters and any(stamp.counter and stamp.unnamed for stamp in stamps),
     )
 
 

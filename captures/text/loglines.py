@@ -45,12 +45,12 @@ _ANNOUNCED: Final = re.compile(
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
 _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$")
 _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
-_LABELLED: Final = 56  # characters of a heading that name it
-_REMEMBERED: Final = 2048  # lines
-_STAMPS: Final = 4096  # times that are looked at
 _CODE_SPAN: Final = re.compile(  # Markdown's marks about a part of a frame, as of its check value
     r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})"
 )
+_LABELLED: Final = 56  # characters of a heading that name it
+_REMEMBERED: Final = 2048  # lines
+_STAMPS: Final = 4096  # times that are looked at
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ from itertools import groupby, islice
 from math import inf
 from typing import Final
 
-from .candidates import Writing, halves, is_named_otherwise
+from .candidates import Writing, halves, is_named_otherwise, shortened
 from .choosing import MOST_JUDGED
 from .dumps import payload_of, with_repeats
 from .entries import ITEM, LETTER, OBJECT, NumberedLine, joined_lines, parts_of
@@ -237,7 +237,7 @@ def _safe_cut(lines: Sequence[LogLine]) -> int:
 def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadLine]:
     """What a line gives: its bytes, then what of it was not read."""
     chosen = [run for run in line.runs if run.taken]
-    text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
+    text = shortened(line.text, 200)
     for i, run in enumerate(chosen):
         repeats = bool(run.checked) and all(span.repeats for span in run.checked)
         yield Piece(

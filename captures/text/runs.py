@@ -14,7 +14,7 @@ from .writings import LOOK_ALIKES
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
 FLOORS: Final = (-8.0, -20.0, -32.0, -44.0)  # of plain bytes, likely ones, lists of decimals, numbers with a meaning
 _PATIENCE: Final = {  # how many places are searched in vain
-    "digits run together": 49,  # lines
+    "digits run together": 2000,  # ways to part them
     "pieces": 600,  # behind the same words
     "columns": 3000,  # rows of numbers
 }

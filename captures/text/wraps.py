@@ -70,7 +70,7 @@ class Unwrapper:
     def _chain(self, ahead: deque[NumberedLine], source: Iterator[NumberedLine]) -> int:
         """How many lines from the first on may be one: each begins with bytes where that above ends with them."""
         first = ahead[0][1]
-        if not _NARROW <= len(first) <= _MOST or not _ENDS.search(first.rstrip()):
+        if not _NARROW <= len(first) <= _MOST:
             return 1
         count, size = 1, len(first)
         while count < _MOST_LINES and size < _MOST:
@@ -79,9 +79,9 @@ class Unwrapper:
             if count == len(ahead):
                 break
             above, text = ahead[count - 1][1], ahead[count][1]
-            if len(text) > len(first) + _LONGER or not _BEGINS.match(text) or stamps.find(text)[0] is not None:
+            if len(text) > len(first) + _LONGER or not _BEGINS.match(text) or not _ENDS.search(above.rstrip()):
                 break
-            if not _ENDS.search(above.rstrip()) or (count == 1 and self._is_settled(plain(first))):
+            if stamps.find(text)[0] is not None or (count == 1 and self._is_settled(plain(first))):
                 break
             count, size = count + 1, size + len(text)
         return count
