@@ -202,12 +202,7 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
     if not runs or not line_marks:
         _mark_by_brackets(text, runs)
         return
-    begins, first = line_marks[0], runs[0]
-    arrows_end = len(text) if begins.arrow and begins.end <= first.start else first.end
-    told: list[LineMark] = []
-    for mark in line_marks:
-        if not mark.arrow or (mark.start < arrows_end and not (told and told[-1].plain)):
-            told.append(mark)
+    told, first = _told(line_marks, runs[0]), runs[0]
     ends = [mark.end for mark in told]
     for run in runs:
         if at := bisect_right(ends, run.start):
@@ -216,6 +211,17 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
     behind = [mark.mark for mark in line_marks if mark.start >= first.end and not mark.arrow]
     if len(runs) == len(behind) == 1:
         first.mark = first.mark or behind[0]
+
+
+def _told(line_marks: Sequence[LineMark], first: ByteRun) -> list[LineMark]:
+    """The marks of a line that say something."""
+    pointed = line_marks[0].arrow and line_marks[0].end <= first.start
+    told: list[LineMark] = []
+    for mark in line_marks:
+        behind_word = bool(told) and told[-1].plain
+        if not mark.arrow or (not behind_word and (pointed or mark.start < first.end)):
+            told.append(mark)
+    return told
 
 
 def _mark_by_brackets(text: str, runs: Sequence[ByteRun]) -> None:

@@ -13,7 +13,7 @@ from .choosing import label_in
 from .judging import ByteJudge, frames_over, lenient
 from .loglines import LogLine
 from .runs import FLOORS, ByteRun, Experience, covered
-from .tokens import JOINED, NumberToken, cell_of, holds_numbers, nth, skeleton_of, tokens_of
+from .tokens import JOINED, NumberToken, holds_numbers, nth, skeleton_of, tokens_of
 from .tools import names_a_way
 
 COLUMN_SHAPE: Final = "column"
@@ -70,18 +70,14 @@ def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
     Only of fields with names one may be a name. Lines like one that was a frame are read as it was.
     """
     tokens = tokens_of(line)
-    counted = _counted(tokens)
-    octets = sum(token.octet for token in tokens)
-    if counted is None and max(len(_FIELD.findall(line.clean)), octets) < LEAST_COLUMN:
+    counted, octets = _counted(tokens), sum(token.octet for token in tokens)
+    if not counted and max(len(_FIELD.findall(line.clean)), octets) < LEAST_COLUMN:
         return
-    tokens = tokens if counted is None else counted
-    skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
-    plain = _without_names(tokens, line.clean)
-    ways = [tokens, tokens[1:], plain, plain[1:]]  # the first may be the number of the line
-    readings = [(some, _joined_up([token.hexadecimal for token in some])) for some in ways]
-    if counted is not None:
+    skeleton = _COUNTED if counted else _OCTETS if octets == len(tokens) else skeleton_of(line)
+    readings = [*_fields_in(counted or tokens, line.clean)]
+    if counted:
         readings.insert(0, (counted, _joined_up([token.decimal for token in counted])))
-    least = _LEAST_DAMAGED if experience.damaged and counted is None else _LEAST
+    least = _LEAST_DAMAGED if experience.damaged and not counted else _LEAST
     for i, (some, data) in enumerate(readings):
         if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
             take_tokens(line, some, data)
@@ -90,6 +86,13 @@ def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
     known = experience.fields.get(skeleton)
     if known is not None and _LEAST < len(readings[known][1]) <= _FRAME:
         take_tokens(line, *readings[known], checked=False)
+
+
+def _fields_in(tokens: Sequence[NumberToken], text: str) -> Iterator[tuple[Sequence[NumberToken], bytes]]:
+    """The fields that numbers may be, and their bytes; the first may be the number of the line."""
+    plain = _without_names(tokens, text)
+    for some in (tokens, tokens[1:], plain, plain[1:]):
+        yield some, _joined_up([token.hexadecimal for token in some])
 
 
 def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
@@ -108,11 +111,11 @@ def _joined_up(parts: Sequence[bytes]) -> bytes:
     return b"".join(parts) if all(parts) else b""
 
 
-def _counted(tokens: Sequence[NumberToken]) -> Sequence[NumberToken] | None:
-    """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; None of other lines."""
+def _counted(tokens: Sequence[NumberToken]) -> Sequence[NumberToken]:
+    """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; none of other lines."""
     numbers = [token.digits for token in tokens[::2]]
     counts = any(numbers == [*map(str, range(first, first + len(numbers)))] for first in (0, 1))
-    return tokens[1::2] if counts and len(tokens) == 2 * len(numbers) >= 2 * LEAST_COLUMN else None
+    return tokens[1::2] if counts and len(tokens) == 2 * len(numbers) >= 2 * LEAST_COLUMN else ()
 
 
 def _exactly(data: bytes, judge: ByteJudge) -> bool:
@@ -122,27 +125,32 @@ def _exactly(data: bytes, judge: ByteJudge) -> bool:
 
 def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """One number of each line, always the same one, where those are frames: of lines that are alike, then of all."""
-    known = experience.columns
     kinds: dict[str, list[LogLine]] = {}
     for line in lines:
         kinds.setdefault(skeleton_of(line), []).append(line)
     for skeleton, alike in kinds.items():
-        ways = [known[skeleton]] if skeleton in known else []
-        if not ways and experience.patience.ends(_COLUMNS):
-            continue
-        if (found := _one_column(alike, judge, ways, alike=True, damaged=experience.damaged)) is not None:
-            known[skeleton] = found
-        elif not ways and known:  # as long as a header says, in a column of others
-            _one_column(alike, lenient(judge), {*known.values()}, alike=True, damaged=True)
+        _column_of_kind(skeleton, alike, judge, experience)
     searched = experience.damaged or experience.patience.ends(_COLUMNS)
     if 2 * sum(map(is_of_column, lines)) < len(lines) and not searched:
         found = _one_column(lines, judge, alike=False)
         if found is not None:
             bare = {skeleton for skeleton in kinds if not any(map(str.isalpha, skeleton))}
             inside = {skeleton_of(line) for line in lines if is_of_column(line)}
-            known |= dict.fromkeys((bare | inside) - {*known}, found)
+            experience.columns |= dict.fromkeys((bare | inside) - {*experience.columns}, found)
     _take_known(lines, experience)
     experience.patience.spend(_COLUMNS, len(lines), found=any(map(is_of_column, lines)))
+
+
+def _column_of_kind(skeleton: str, alike: list[LogLine], judge: ByteJudge, experience: Experience) -> None:
+    """The same of lines that are alike, if those before say nothing else."""
+    known = experience.columns
+    ways = [known[skeleton]] if skeleton in known else []
+    if not ways and experience.patience.ends(_COLUMNS):
+        return
+    if (found := _one_column(alike, judge, ways, alike=True, damaged=experience.damaged)) is not None:
+        known[skeleton] = found
+    elif not ways and known:  # as long as a header says, in a column of others
+        _one_column(alike, lenient(judge), {*known.values()}, alike=True, damaged=True)
 
 
 def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
@@ -154,7 +162,7 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
         way = experience.columns.get(name)
         if is_of_column(line) or (holds_bytes(line) and len(fields) > 1):
             above = None
-        elif way is not None and (cell := cell_of(line, *way)) is not None and (part := cell.value(way[1])):
+        elif way is not None and (part := (cell := nth(tokens_of(line, way[1]), way[0])).value(way[1])):
             take_tokens(line, [cell], part)
             line.continues = above is not None and _is_right_below(above, line)
             above = line
@@ -191,16 +199,13 @@ def _one_column(
     shown = [*map(holds_bytes, lines)]
     for way, cells in _ways(lines, ways):
         whole = way[1] != JOINED
-        parts = [
-            b"" if cell is None or (whole and other) else cell.value(way[1])
-            for cell, other in zip(cells, shown, strict=True)
-        ]
+        parts = [b"" if whole and other else cell.value(way[1]) for cell, other in zip(cells, shown, strict=True)]
         if parts in tried or (damaged and _is_numbering(parts)):
             continue
         tried.append(parts)
         inside = _inside_frames(parts, judge)
         rows = len(inside) - inside.count(0)
-        starts = {cell.start for cell, frame in zip(cells, inside, strict=True) if cell is not None and frame}
+        starts = {cell.start for cell, frame in zip(cells, inside, strict=True) if frame}
         if rows > damaged * (len(lines) - 1):
             found.append(((rows, len(starts) == 1), way, inside))
     if not found:
@@ -215,16 +220,16 @@ def _take_inside(lines: list[LogLine], i: int, reading: str, inside: Sequence[in
     above: tuple[int, LogLine] = (0, lines[0])
     for row in range(rows[0], rows[-1] + 1):
         line, frame = lines[row], inside[row]
-        cell = cell_of(line, i, reading)
-        if cell is not None and cell.value(reading) and (alike or frame):
-            take_tokens(line, [cell], cell.value(reading))
+        cell = nth(tokens_of(line, reading), i)
+        if (alike or frame) and (part := cell.value(reading)):
+            take_tokens(line, [cell], part)
             line.continues = row > rows[0] and above[0] == frame and above[1].t_ns == line.t_ns
             above = frame, line
 
 
 def _ways(
     lines: Sequence[LogLine], known: Collection[tuple[int, str]]
-) -> Iterator[tuple[tuple[int, str], list[NumberToken | None]]]:
+) -> Iterator[tuple[tuple[int, str], list[NumberToken]]]:
     """Which number of each line may be a byte, from either end, how it may be read, and those numbers."""
     table: Sequence[Sequence[NumberToken]] = [tokens_of(line) for line in lines]
     bits = any(token.is_bits for tokens in table[:LEAST_COLUMN] for token in tokens)

@@ -109,7 +109,7 @@ def with_repeats(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
 
 def _row(line: str) -> _DumpRow | None:
     match = _ROW.match(line.rstrip("\r\n"))
-    return None if match is None else _DumpRow(match["lead"], match["offset"], match["rest"] or "")
+    return None if match is None else _DumpRow(*match.groups(""))
 
 
 def _between(above: list[_DumpRow], following: str) -> list[str]:

@@ -159,10 +159,10 @@ def time_column(text: str) -> TimeColumn | None:
 
 def _cells(text: str, parted: str) -> list[tuple[int, int]]:
     """Where the cells of a row begin and end."""
+    if parted not in text:
+        return []
     begin, end = (0, len(text)) if parted else (len(text) - len(text.lstrip()), len(text.rstrip()))
     gaps = [match.span() for match in _APART[parted].finditer(text, begin, end)]
-    if parted and not gaps:
-        return []
     return [*zip((begin, *(last for _, last in gaps)), (*(first for first, _ in gaps), end), strict=True)]
 
 

@@ -173,17 +173,12 @@ class LineReader:
         if shape.role is LineRole.NOTHING:
             return self._carries_nothing(text, number)
         groups, above = match.groupdict(""), self._heading
+        if shape.role is LineRole.HEADER:
+            self._heading = self._shaped_heading(shape, groups)
+            return LogLine(number, text, quiet=True)
         way = groups.get("mark", "").lower()
-        length = int(groups["length"]) if groups.get("length") else None
         line = LogLine(number, text, text, quiet=True)
         line.t_ns, line.fine = self._shaped_time(groups)
-        if shape.role is LineRole.HEADER:
-            self._heading = Heading(
-                MARK_WORDS[way], line.t_ns, line.fine, shape.tool, left=length, joins=True, exact=True
-            )
-            if line.t_ns is None and above is not None:  # its time stands in a line of its own
-                self._heading = self._heading._replace(t_ns=above.t_ns, fine=above.fine)
-            return LogLine(number, text, quiet=True)
         self._received = self._received or way == "recv"
         if shape.tool == "pymodbus" and way not in ("send", "recv"):
             if self._received:  # what was received, once more
@@ -196,14 +191,24 @@ class LineReader:
         if run is None:
             return line if not _WORD.search(groups["hex"]) else None
         if groups.get("cut"):
-            line.problem = f"the log shows {len(run.data)} of {length} bytes only"
-        run.data = run.data if length is None else run.data[: max(length, 0)]
+            line.problem = f"the log shows {len(run.data)} of {groups['length']} bytes only"
+        if groups.get("length"):
+            run.data = run.data[: max(int(groups["length"]), 0)]
         run.mark, run.sure, run.label = MARK_WORDS.get(way, shape.mark), True, label
         if shape.mark and above is not None and above.joins:
             run.mark = above.mark or shape.mark  # `Rx` in the line above says more than a layout
         if run.data:
             line.runs, line.quiet = [run], False
         return line
+
+    def _shaped_heading(self, shape: Shape, groups: Mapping[str, str]) -> Heading:
+        """What a tool's line says of the rows below; its time may stand in a line of its own above."""
+        t_ns, fine = self._shaped_time(groups)
+        if t_ns is None and self._heading is not None:
+            t_ns, fine = self._heading.t_ns, self._heading.fine
+        left = int(groups["length"]) if "length" in groups else None
+        mark = MARK_WORDS[groups["mark"].lower()]
+        return Heading(mark, t_ns, fine, shape.tool, left=left, joins=True, exact=True)
 
     def _carries_nothing(self, text: str, number: int) -> LogLine:
         heading = self._heading

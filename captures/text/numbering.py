@@ -52,6 +52,18 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
 
     They are offsets of all rows that begin at 00, if one goes on at the next.
     """
+    dumps = _short_dumps(lines)
+    right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
+    for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
+        for i, (line, run, inside) in enumerate(rows):
+            run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape
+            run.sure = len(rows) > 1
+            line.runs = line.runs[line.runs.index(run) :]
+            line.continues = i > 0
+
+
+def _short_dumps(lines: Sequence[LogLine]) -> list[list[tuple[LogLine, ByteRun, int]]]:
+    """Rows whose two digits go on from row to row, of each the run, and whether the digits are its first byte."""
     dumps: list[list[tuple[LogLine, ByteRun, int]]] = []
     at = 0  # bytes of the newest; 0 behind other lines
     for line in lines:
@@ -66,13 +78,7 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
             dumps += [] if at else [[]]
             dumps[-1].append((line, run, inside))
             at += len(run.data) - inside
-    right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
-    for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
-        for i, (line, run, inside) in enumerate(rows):
-            run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape
-            run.sure = len(rows) > 1
-            line.runs = line.runs[line.runs.index(run) :]
-            line.continues = i > 0
+    return dumps
 
 
 def _values(digits: str) -> set[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Final
 
 from ..checked import Checked
@@ -72,10 +73,7 @@ class ByteRun:
 
     def __copy__(self) -> ByteRun:
         """As `copy` would, in a fifth of the time: a text repeats its lines."""
-        other = object.__new__(ByteRun)
-        for name in ByteRun.__slots__:
-            setattr(other, name, getattr(self, name))
-        return other
+        return ByteRun(*_FIELDS_OF(self))
 
     def accept(self, reading: HexWindow | ByteRun) -> None:
         """It is bytes, read so, whatever it looks like."""
@@ -89,6 +87,9 @@ class ByteRun:
             if abs(candidate.end - self.end) < 2:
                 readings.setdefault(candidate.shape, candidate)
         return readings
+
+
+_FIELDS_OF: Final = attrgetter(*ByteRun.__slots__)
 
 
 @dataclass(slots=True)

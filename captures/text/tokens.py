@@ -76,14 +76,12 @@ def _in_hex(digits: str) -> bytes:
     return b"" if digits[0] == "-" or len(digits) == 3 else bytes.fromhex("0" * (len(digits) % 2) + digits)
 
 
-def cell_of(line: LogLine, i: int, reading: str) -> NumberToken | None:
-    """One of the numbers of a line, counted from either end; None where there are not so many."""
-    return nth(tokens_of(line, reading), i)
+_NO_NUMBER: Final = NumberToken(0, 0, "", signed=False, hexadecimal=b"")
 
 
-def nth(tokens: Sequence[NumberToken], i: int) -> NumberToken | None:
-    """One of some numbers, counted from either end; None where there are not so many."""
-    return tokens[i] if -len(tokens) <= i < len(tokens) else None
+def nth(tokens: Sequence[NumberToken], i: int) -> NumberToken:
+    """One of some numbers, counted from either end; one that is no bytes where there are not so many."""
+    return tokens[i] if -len(tokens) <= i < len(tokens) else _NO_NUMBER
 
 
 def tokens_of(line: LogLine, reading: str = "") -> Sequence[NumberToken]:

@@ -98,9 +98,8 @@ def _is_record(text: str) -> bool:
         record = bytes.fromhex(text[1:])
     except ValueError:
         return False
-    if len(record) < _RECORD_AROUND or sum(record) & 0xFF:
-        return False
-    return record[0] == len(record) - _RECORD_AROUND and record[3] < _RECORD_TYPES
+    fits = len(record) >= _RECORD_AROUND and record[0] == len(record) - _RECORD_AROUND
+    return fits and sum(record) & 0xFF == 0 and record[3] < _RECORD_TYPES
 
 
 class SeenRun(NamedTuple):
