@@ -306,8 +306,10 @@ def _is_loose(line: LogLine) -> bool:
 def _in_two_bases(line: LogLine) -> bool:
     """`received Byte 27 (0X1b)`: a byte of a message in decimal, or bit by bit, and in hex."""
     tokens = tokens_of(line)
-    said = _SAID_BEFORE.search(line.clean[: tokens[-1].start]) if tokens else None
-    if said is None or not tokens[-1].signed or not names_a_way(skeleton_of(line)):
+    if not tokens or not tokens[-1].signed:
+        return False
+    said = _SAID_BEFORE.search(line.clean[: tokens[-1].start])
+    if said is None or not names_a_way(skeleton_of(line)):
         return False
     return int(tokens[-1].digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
 

@@ -105,23 +105,27 @@ def _note_voices(entries: Sequence[_Entry], experience: Experience) -> None:
 
 def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None:
     """Of lines of which each stands there several times at one time, as handlers print them, the first of each."""
-    kinds: dict[tuple[str, str], list[list[LogLine]]] = {}
-    for line in lines:
-        run = next((run for run in line.runs if run.taken), None)
-        if run is None or not line.fine:
-            continue
-        alike = kinds.setdefault((run.label, run.shape), [[line]])
-        above = alike[-1][-1]
-        if (above.text, above.number + 1) == (line.text, line.number):
-            alike[-1].append(line)
-        elif above is not line:
-            alike.append([line])
-    for kind, alike in kinds.items():
+    for kind, alike in _lines_alike(lines).items():
         if len(alike) > 1 and all(len(same) > 1 for same in alike):
             experience.of(*kind).doubled = True
         for first, *more in alike if experience.of(*kind).doubled else ():
             for run in (run for line in more for run in line.runs):
                 run.taken, run.why = False, f"the same bytes as in line {first.number}"
+
+
+def _lines_alike(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[list[LogLine]]]:
+    """Lines at fine times by labels and writings, those that are the same and below one another together."""
+    kinds: dict[tuple[str, str], list[list[LogLine]]] = {}
+    for line in lines:
+        run = next((run for run in line.runs if run.taken and line.fine), None)
+        if run is None:
+            continue
+        alike = kinds.setdefault((run.label, run.shape), [])
+        if alike and (alike[-1][-1].text, alike[-1][-1].number + 1) == (line.text, line.number):
+            alike[-1].append(line)
+        else:
+            alike.append([line])
+    return kinds
 
 
 def _leave_out_copy(drop: _Entry, other: _Entry) -> None:
@@ -154,10 +158,13 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     pair = (*earlier.template, *entry.template)
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
-    part = entry if entry.data in earlier.data else earlier if not turned and earlier.data in entry.data else None
-    if part is None or part.checked or (part is earlier and not entry.checked):
-        return None
-    experience.reports.add(pair)
+    if entry.data in earlier.data:
+        part = None if entry.checked else entry
+    else:
+        begun = not turned and entry.checked and not earlier.checked
+        part = earlier if begun and earlier.data in entry.data else None
+    if part is not None:
+        experience.reports.add(pair)
     return part
 
 

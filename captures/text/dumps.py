@@ -93,13 +93,10 @@ def with_repeats(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
             continue
         row = _row(line)
         if held is not None:
-            rows = _between(above, row.offset) if row is not None else ()
-            if 0 < len(rows) <= left:
-                left -= len(rows)
-                for text in rows:
-                    yield held[0], text
-            else:
-                yield held
+            rows = _between(above, row.offset) if row is not None else []
+            rows = rows if 0 < len(rows) <= left else [held[1]]
+            left -= len(rows)
+            yield from ((held[0], text) for text in rows)
             held = None
         above = [*above[-1:], row] if row is not None and row.rest else []
         yield number, line

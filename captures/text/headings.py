@@ -149,9 +149,8 @@ def time_column(text: str) -> TimeColumn | None:
             continue
         names = [text[start:end].strip(" \"'\ufeff") for start, end in cells]
         for number, name in enumerate(names):
-            numbered = not any(map(_DATA.search, names[:number]))
-            match = _NAME.match(name)
-            if match is not None:
+            if (match := _NAME.match(name)) is not None:
+                numbered = not any(map(_DATA.search, names[:number]))
                 unit = _UNITS.get(name.lower()) or UNIT_NS.get((match["unit"] or "").lower())
                 return TimeColumn(parted, number, len(cells), unit, numbered)
     return None

@@ -194,9 +194,9 @@ class LineReader:
             line.problem = f"the log shows {len(run.data)} of {groups['length']} bytes only"
         if groups.get("length"):
             run.data = run.data[: max(int(groups["length"]), 0)]
-        run.mark, run.sure, run.label = MARK_WORDS.get(way, shape.mark), True, label
-        if shape.mark and above is not None and above.joins:
-            run.mark = above.mark or shape.mark  # `Rx` in the line above says more than a layout
+        said = above.mark if shape.mark and above is not None and above.joins else NONE
+        run.mark = MARK_WORDS.get(way) or said or shape.mark  # `Rx` in the line above says more than a layout
+        run.sure, run.label = True, label
         if run.data:
             line.runs, line.quiet = [run], False
         return line

@@ -259,12 +259,12 @@ def _left_out(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
         if cut:
             why = "shows the first {} bytes only" if run is chosen[-1] else "omits bytes after the first {}"
             yield f"the text {why.format(len(run.data))}"
-    beside = [run for run in line.runs if chosen and _is_left(run) and not _is_check_value(run, chosen)]
     if any(run.halved for run in chosen):
         yield halves(line.clean) or "half a byte"
-    elif line.problem is None and beside:
+    elif line.problem is None and chosen:
+        beside = [run for run in line.runs if _is_left(run) and not _is_check_value(run, chosen)]
         left = ", ".join(quoted(line.clean[run.start : run.end]) for run in beside)
-        yield f"{left} beside the bytes may also be bytes"
+        yield from [f"{left} beside the bytes may also be bytes"] if beside else ()
     for word in _spoilt(line, chosen):
         yield f"{quoted(word)} among the bytes is not a byte"
 
@@ -298,11 +298,9 @@ def _is_check_value(run: ByteRun, chosen: Sequence[ByteRun]) -> bool:
 
 def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
     """Why nothing of a line was read, and whether it does not look like bytes at all."""
-    reason = next((run.why for run in line.runs if run.why), None)
-    if reason is not None:
+    reason = next(filter(None, (run.why for run in line.runs)), None) or halves(line.clean)
+    if reason:
         return reason, False
-    if (half := halves(line.clean)) is not None:
-        return half, False
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
     shown = line.clean[run.start : run.end]
     few = len(run.data) < 3 or (_NUMBERS.fullmatch(shown) and (len(run.data) == 3 or experience.shapes))

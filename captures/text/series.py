@@ -66,16 +66,15 @@ def _may_be_frames(pieces: Sequence[_SeriesPiece]) -> bool:
 def _series(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[_SeriesPiece]]:
     series: dict[tuple[str, str], list[_SeriesPiece]] = defaultdict(list)
     for line in lines:
-        seen: set[tuple[str, str]] = set()
+        firsts: dict[tuple[str, str], _SeriesPiece] = {}
         for run in line.runs:
             if not run.label or run.why is not None or len(run.data) > _LONGEST:
                 continue
             readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
             for reading in readings:
-                key = run.label, reading.shape
-                if key not in seen:
-                    seen.add(key)
-                    series[key].append(_SeriesPiece(run, reading))
+                firsts.setdefault((run.label, reading.shape), _SeriesPiece(run, reading))
+        for key, piece in firsts.items():
+            series[key].append(piece)
     return series
 
 

@@ -206,10 +206,10 @@ class Shape:
     mark: int = NONE
 
 
-MARK_WORDS = {">": TX, ">>>": TX, "tx": TX, "send": TX, "write": TX, "written": TX, "irp_mj_write": TX}
-MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_read": RX}
-MARK_WORDS |= {"s bo": TX, "c bi": RX}
-MARK_WORDS |= {"processing": RX, "handling data": RX, "unexpected data": RX}
+MARK_WORDS: Final = {  # of tools' own layouts
+    **_MARK_OF, **_SIGNED, ">": TX, "irp_mj_write": TX, "s bo": TX, "<": RX, "irp_mj_read": RX, "c bi": RX,
+    "processing": RX, "handling data": RX, "unexpected data": RX,
+}  # fmt: skip
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
 
 _LAYOUTS: Final = (

@@ -278,13 +278,10 @@ def leave_out_unsupported(lines: Sequence[LogLine], judge: ByteJudge, experience
     around = LinesAround(lines, judge)
     bits = [max(_bits(SeenRun(run, line, experience, around)) for line, run in group) for group in groups]
     experience.plainest = max((experience.plainest, *bits))
-    least = experience.floor
-    if experience.builds:
-        least += _SUPPORTED[0]
-    elif experience.plainest > experience.floor + _SUPPORTED[0]:
-        least += _SUPPORTED[1]
+    right, plainer = _SUPPORTED
+    above = right if experience.builds else plainer if experience.plainest > experience.floor + right else 0.0
     for group, weight in zip(groups, bits, strict=True):
-        if weight <= least and not _is_announced(group, judge):
+        if weight <= experience.floor + above and not _is_announced(group, judge):
             for line, run in group:
                 run.taken = line.continues = False
 
