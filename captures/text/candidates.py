@@ -58,6 +58,7 @@ class TextLine(NamedTuple):
         return self.text[max(start - _NEAR, 0) : start]
 
 
+WORD: Final = re.compile(r"\w")
 H: Final = "[0-9A-Fa-f]"
 EDGE: Final = r"(?<![0-9A-Za-z_.\u00c0-\u052f])"  # `Узел17`; scripts of the East put no blanks
 END: Final = r"(?![0-9A-Za-z_])"
@@ -110,13 +111,12 @@ def is_ruler(tokens: Sequence[str]) -> bool:
 def shows(data: bytes, text: str) -> bool:
     """Whether a text is these bytes as characters, with dots or the like for those that have none."""
     text = text.strip("\r\n|<> \t") if len(text.rstrip()) > len(data) else text.rstrip("\r\n")
-    text = text.ljust(len(data))
-    if len(text) != len(data):
-        return False
-    for byte, char in zip(data, text, strict=True):
-        if char != chr(byte) and (char != "." if 0x20 < byte < 0x7F else char.isascii() and char.isalnum()):
-            return False
-    return True
+    signs = zip(data, text.ljust(len(data)), strict=False)
+    return len(text) <= len(data) and all(char == chr(byte) or _may_stand_for(byte, char) for byte, char in signs)
+
+
+def _may_stand_for(byte: int, char: str) -> bool:
+    return char == "." if 0x20 < byte < 0x7F else not (char.isascii() and char.isalnum())
 
 
 def swapped(data: bytes) -> bytes:

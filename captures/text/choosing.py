@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 from ..checked import Checked
 from .candidates import (
+    WORD,
     HexWindow,
     TextLine,
     Writing,
@@ -190,7 +191,6 @@ def label_in(before: str) -> str:
     return words if any(char.isalpha() for char in words) else ""
 
 
-_WORD: Final = re.compile(r"\w")
 _OF_BRACKETS: Final = {"[": TX, "<": RX}  # as libmodbus and ModScan write them
 
 
@@ -207,7 +207,7 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
     for run in runs:
         if at := bisect_right(ends, run.start):
             run.mark, run.arrow = told[at - 1].mark, told[at - 1].arrow
-            run.direct = not _WORD.search(text, ends[at - 1], run.start)
+            run.direct = not WORD.search(text, ends[at - 1], run.start)
     behind = [mark.mark for mark in line_marks if mark.start >= first.end and not mark.arrow]
     if len(runs) == len(behind) == 1:
         first.mark = first.mark or behind[0]

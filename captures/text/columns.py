@@ -74,24 +74,26 @@ def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
     if not counted and max(len(_FIELD.findall(line.clean)), octets) < LEAST_COLUMN:
         return
     skeleton = _COUNTED if counted else _OCTETS if octets == len(tokens) else skeleton_of(line)
-    readings = [*_fields_in(counted or tokens, line.clean)]
-    if counted:
-        readings.insert(0, (counted, _joined_up([token.decimal for token in counted])))
+    readings = [*_fields_in(tokens, counted, line.clean)]
     least = _LEAST_DAMAGED if experience.damaged and not counted else _LEAST
-    for i, (some, data) in enumerate(readings):
-        if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
-            take_tokens(line, some, data)
-            experience.fields.setdefault(skeleton, i)
-            return
-    known = experience.fields.get(skeleton)
+    sized = ((i, data) for i, (_, data) in enumerate(readings) if least < len(data) <= _FRAME)
+    right = next((i for i, data in sized if _are_frames(data, judge)), None)
+    known = experience.fields.get(skeleton) if right is None else right
     if known is not None and _LEAST < len(readings[known][1]) <= _FRAME:
-        take_tokens(line, *readings[known], checked=False)
+        experience.fields.setdefault(skeleton, known)
+        take_tokens(line, *readings[known], checked=right is not None)
 
 
-def _fields_in(tokens: Sequence[NumberToken], text: str) -> Iterator[tuple[Sequence[NumberToken], bytes]]:
+_Fields = tuple[Sequence[NumberToken], bytes]
+
+
+def _fields_in(tokens: Sequence[NumberToken], counted: Sequence[NumberToken], text: str) -> Iterator[_Fields]:
     """The fields that numbers may be, and their bytes; the first may be the number of the line."""
-    plain = _without_names(tokens, text)
-    for some in (tokens, tokens[1:], plain, plain[1:]):
+    fields = counted or tokens
+    if counted:
+        yield counted, _joined_up([token.decimal for token in counted])
+    plain = _without_names(fields, text)
+    for some in (fields, fields[1:], plain, plain[1:]):
         yield some, _joined_up([token.hexadecimal for token in some])
 
 
@@ -118,9 +120,9 @@ def _counted(tokens: Sequence[NumberToken]) -> Sequence[NumberToken]:
     return tokens[1::2] if counts and len(tokens) == 2 * len(numbers) >= 2 * LEAST_COLUMN else ()
 
 
-def _exactly(data: bytes, judge: ByteJudge) -> bool:
-    """Whether frames with right check values are all of these bytes."""
-    return covered(judge(data)) == len(data)
+def _are_frames(data: bytes, judge: ByteJudge) -> bool:
+    """Whether frames with right check values are all of these bytes, which do not count up."""
+    return not counts_up(data) and covered(judge(data)) == len(data)
 
 
 def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -> None:

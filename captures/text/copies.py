@@ -158,14 +158,18 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     pair = (*earlier.template, *entry.template)
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
-    if entry.data in earlier.data:
-        part = None if entry.checked else entry
-    else:
-        begun = not turned and entry.checked and not earlier.checked
-        part = earlier if begun and earlier.data in entry.data else None
+    part = _part_of_two(earlier, entry, turned=turned)
     if part is not None:
         experience.reports.add(pair)
     return part
+
+
+def _part_of_two(earlier: _Entry, entry: _Entry, *, turned: bool) -> _Entry | None:
+    """The one of two that is a part of the other, and is no frame itself."""
+    if entry.data in earlier.data:
+        return None if entry.checked else entry
+    begun = entry.checked and not earlier.checked and not turned
+    return earlier if begun and earlier.data in entry.data else None
 
 
 def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:

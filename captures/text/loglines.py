@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 
 from captures.text import stamps
 
-from .candidates import HexWindow, Writing, halves, is_ruler, line_of
+from .candidates import WORD, HexWindow, Writing, halves, is_ruler, line_of
 from .choosing import label_in, runs_in, with_marks
 from .dumps import Dump
 from .escapes import unescape
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
-_WORD: Final = re.compile(r"\w")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
 _ANNOUNCED: Final = re.compile(
@@ -172,7 +171,7 @@ class LineReader:
     def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> LogLine | None:
         if shape.role is LineRole.NOTHING:
             return self._carries_nothing(text, number)
-        groups, above = match.groupdict(""), self._heading
+        groups = match.groupdict("")
         if shape.role is LineRole.HEADER:
             self._heading = self._shaped_heading(shape, groups)
             return LogLine(number, text, quiet=True)
@@ -185,17 +184,21 @@ class LineReader:
                 return line
             if way not in MARK_WORDS:  # it may be a PDU alone
                 return self._any_line(text, number)
-        label = f"{shape.tool} {way}"
-        run = self._payload(groups["hex"], shape, label)
+        return self._with_payload(line, shape, groups, f"{shape.tool} {way}")
+
+    def _with_payload(self, line: LogLine, shape: Shape, groups: Mapping[str, str], label: str) -> LogLine | None:
+        """A tool's line with its bytes; None where it turns out to be another one."""
+        run, above = self._payload(groups["hex"], shape, label), self._heading
         self._heading = None
         if run is None:
-            return line if not _WORD.search(groups["hex"]) else None
+            return line if not WORD.search(groups["hex"]) else None
         if groups.get("cut"):
             line.problem = f"the log shows {len(run.data)} of {groups['length']} bytes only"
         if groups.get("length"):
             run.data = run.data[: max(int(groups["length"]), 0)]
         said = above.mark if shape.mark and above is not None and above.joins else NONE
-        run.mark = MARK_WORDS.get(way) or said or shape.mark  # `Rx` in the line above says more than a layout
+        way = MARK_WORDS.get(groups.get("mark", "").lower())
+        run.mark = way or said or shape.mark  # `Rx` in the line above says more than a layout
         run.sure, run.label = True, label
         if run.data:
             line.runs, line.quiet = [run], False
@@ -242,14 +245,10 @@ class LineReader:
         stamp, rest = self._stamp(text)
         rest = _CODE_SPAN.sub(r"\1", rest)
         t_ns, fine = self._time(stamp)
-        line = LogLine(number, text, rest, t_ns=t_ns, fine=fine, stamped=t_ns is not None, quiet=True)
-        if not _WORD.search(rest):
-            if t_ns is not None:
-                self._heading = Heading(NONE, t_ns, fine, "", joins=True)
+        line = LogLine(number, text, rest, t_ns=t_ns, fine=fine, stamped=t_ns is not None)
+        if self._has_no_bytes(line):
+            line.quiet = True
             return line
-        if self._dump.ends_with(rest) or self._dump.shows(rest):
-            return line
-        line.quiet = False
         line_marks, line.runs = self._searched(rest)
         in_dump = self._dump.row is not None and any(run.offset is not None for run in line.runs[:1])
         if not in_dump and not any(run.is_likely for run in line.runs):
@@ -261,6 +260,14 @@ class LineReader:
         line.quiet = line.quiet or _COMMENT.match(text) is not None
         line.problem = None if line.quiet else halves(rest) or f"no bytes found in {quoted(text)}"
         return line
+
+    def _has_no_bytes(self, line: LogLine) -> bool:
+        """Whether a line is a time alone, which is that of the rows below, or what a dump has below its rows."""
+        if WORD.search(line.clean):
+            return self._dump.ends_with(line.clean) or self._dump.shows(line.clean)
+        if line.t_ns is not None:
+            self._heading = Heading(NONE, line.t_ns, line.fine, "", joins=True)
+        return True
 
     def _stamp(self, text: str) -> tuple[Stamp | None, str]:
         """The time of a line, and the line without any."""
@@ -290,7 +297,7 @@ class LineReader:
     def _as_heading(self, line: LogLine, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
         rest = line.clean
-        bare = bool(line_marks) and not _WORD.search(rest[line_marks[-1].end :])
+        bare = bool(line_marks) and not WORD.search(rest[line_marks[-1].end :])
         said = [one.mark for one in line_marks if bare or not one.arrow]  # an arrow between words is none
         mark = said[-1] if len({*said}) == 1 else NONE  # `what I send and what comes`
         above, t_ns, fine = self._heading, line.t_ns, line.fine

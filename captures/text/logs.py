@@ -261,10 +261,10 @@ def _left_out(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
             yield f"the text {why.format(len(run.data))}"
     if any(run.halved for run in chosen):
         yield halves(line.clean) or "half a byte"
-    elif line.problem is None and chosen:
-        beside = [run for run in line.runs if _is_left(run) and not _is_check_value(run, chosen)]
+    elif line.problem is None:
+        beside = [run for run in line.runs if chosen and _is_left(run) and not _is_check_value(run, chosen)]
         left = ", ".join(quoted(line.clean[run.start : run.end]) for run in beside)
-        yield from [f"{left} beside the bytes may also be bytes"] if beside else ()
+        yield from [f"{left} beside the bytes may also be bytes"] * bool(left)
     for word in _spoilt(line, chosen):
         yield f"{quoted(word)} among the bytes is not a byte"
 

@@ -81,17 +81,17 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
 
     Where some are right alone, the rest of a frame may stand in those beside them.
     """
-    alone = sum(covered(run.checked) for _, run in block)
-    if len(block) < 2 or (alone and all(is_whole(run) for _, run in block if run.checked)):
+    right = [run for _, run in block if run.checked]
+    alone = sum(covered(run.checked) for run in right)
+    if right and all(map(is_whole, right)):
         return
     readings = [run.readings() for _, run in block]
-    for shape in readings[0]:
-        if not all(shape in reading for reading in readings):
-            continue
-        data = b"".join(reading[shape].data for reading in readings)
-        checked = judge(data) if len(data) <= MOST_JUDGED else ()
+    for shape in readings[0] if len(block) > 1 else ():
+        rows = [reading[shape] for reading in readings if shape in reading]
+        data = b"".join(row.data for row in rows)
+        checked = judge(data) if len(rows) == len(block) and len(data) <= MOST_JUDGED else ()
         if covered(checked) > alone and 2 * covered(checked) >= len(data):
-            _accept(block, [reading[shape] for reading in readings], checked, experience)
+            _accept(block, rows, checked, experience)
             return
 
 

@@ -278,12 +278,17 @@ def leave_out_unsupported(lines: Sequence[LogLine], judge: ByteJudge, experience
     around = LinesAround(lines, judge)
     bits = [max(_bits(SeenRun(run, line, experience, around)) for line, run in group) for group in groups]
     experience.plainest = max((experience.plainest, *bits))
-    right, plainer = _SUPPORTED
-    above = right if experience.builds else plainer if experience.plainest > experience.floor + right else 0.0
+    least = experience.floor + _asked_of(experience)
     for group, weight in zip(groups, bits, strict=True):
-        if weight <= experience.floor + above and not _is_announced(group, judge):
+        if weight <= least and not _is_announced(group, judge):
             for line, run in group:
                 run.taken = line.continues = False
+
+
+def _asked_of(experience: Experience) -> float:
+    """How much above its floor a run of a text has to be."""
+    right, plainer = _SUPPORTED
+    return right if experience.builds else plainer * (experience.plainest > experience.floor + right)
 
 
 def _is_announced(group: Sequence[tuple[LogLine, ByteRun]], judge: ByteJudge) -> bool:
