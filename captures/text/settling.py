@@ -83,10 +83,10 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
     """
     right = [run for _, run in block if run.checked]
     alone = sum(covered(run.checked) for run in right)
-    if right and all(map(is_whole, right)):
+    if len(block) < 2 or (right and all(map(is_whole, right))):
         return
     readings = [run.readings() for _, run in block]
-    for shape in readings[0] if len(block) > 1 else ():
+    for shape in readings[0]:
         rows = [reading[shape] for reading in readings if shape in reading]
         data = b"".join(row.data for row in rows)
         checked = judge(data) if len(rows) == len(block) and len(data) <= MOST_JUDGED else ()
