@@ -34,7 +34,6 @@ from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 if TYPE_CHECKING:
     from .tokens import NumberToken
 
-_LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
@@ -161,9 +160,9 @@ class LineReader:
         return parsed
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
-        for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
+        for i, shape in enumerate(self._tools):
             if (match := shape.pattern.match(text)) is not None:
-                if i and shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
+                if shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
                     self._tools.insert(0, self._tools.pop(i))
                 return self._shaped(shape, match, number, text)
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
@@ -108,6 +109,9 @@ class LabelRecord:
     doubled: bool = False  # their lines each stand there several times
 
 
+_UNMET: Final = LabelRecord()
+
+
 class Patience:
     """What is looked for in a text: whatever was not found for long is looked for no more."""
 
@@ -139,7 +143,7 @@ class Experience:
     shapes: set[str] = field(default_factory=set)
     builds: set[str] = field(default_factory=set)
     # by labels and writings; `taught`: how many of these records know of something right
-    records: dict[tuple[str, str], LabelRecord] = field(default_factory=dict)
+    records: defaultdict[tuple[str, str], LabelRecord] = field(default_factory=lambda: defaultdict(LabelRecord))
     taught: int = 0
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and writings of two reports of the same bytes
     tails: bool = False  # check values stand apart from their frames
@@ -151,10 +155,7 @@ class Experience:
 
     def of(self, label: str, shape: str) -> LabelRecord:
         """The record of runs behind a label in a shape."""
-        record = self.records.get((label, shape))
-        if record is None:
-            record = self.records[label, shape] = LabelRecord()
-        return record
+        return self.records[label, shape]
 
     def note(self, run: ByteRun) -> None:
         """One more run."""
@@ -188,8 +189,8 @@ class Experience:
 
     def trust(self, label: str, shape: str, *, direct: bool) -> int:
         """How often what stands behind this label, or mark, in this shape was right; 0 where it mostly was not."""
-        keys = ((name, shape) for name in ((label, _MARKED) if direct else (label,)))
-        records = [record for key in keys if (record := self.records.get(key)) is not None]
+        names = (label, _MARKED) if direct else (label,)
+        records = (self.records.get((name, shape), _UNMET) for name in names)
         return max((record.right for record in records if 4 * record.right >= record.met), default=0)
 
 
