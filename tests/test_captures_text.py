@@ -133,6 +133,12 @@ def test_logs_of_tools(tmp_path: Path, tool: str, name: str) -> None:
     assert not capture.damage
 
 
+@pytest.mark.parametrize("tool", ["socat", "pymodbus", "Docklight", "ESPHome"])
+def test_dates_without_a_zone_are_told_of_whatever_the_layout(tmp_path: Path, tool: str) -> None:
+    told = any("without a zone" in notice for notice in log(tmp_path, LOGS[tool]).notices)
+    assert told is (tool != "ESPHome")  # which has times of day
+
+
 def test_bytewise_logs(tmp_path: Path) -> None:
     capture = log(tmp_path, "".join(f"> \t0x{byte:02x}\n" for byte in REQUEST))
     assert [chunk.data for chunk in capture.chunks()] == [REQUEST]  # nothing parts them

@@ -58,6 +58,7 @@ class TextLine(NamedTuple):
         return self.text[max(start - _NEAR, 0) : start]
 
 
+WORD: Final = re.compile(r"\w")
 H: Final = "[0-9A-Fa-f]"
 EDGE: Final = r"(?<![0-9A-Za-z_.\u00c0-\u052f])"  # `Узел17`; scripts of the East put no blanks
 END: Final = r"(?![0-9A-Za-z_])"
@@ -101,25 +102,21 @@ def counts_up(data: bytes) -> bool:
 
 def is_ruler(tokens: Sequence[str]) -> bool:
     """Whether these are the numbers that dumps and tables write above their columns."""
-    if len(tokens) < _RULER or not all(_PAIR.fullmatch(token) for token in tokens):
+    if len(tokens) < _RULER or not all(map(_PAIR.fullmatch, tokens)):
         return False
-    for base in (16, 10) if all(token.isdigit() for token in tokens) else (16,):
-        first = int(tokens[0], base)
-        if [int(token, base) for token in tokens] == [*range(first, first + len(tokens))]:
-            return True
-    return False
+    bases = (16, 10) if all(map(str.isdigit, tokens)) else (16,)
+    return any(all(b - a == 1 for a, b in pairwise(int(token, base) for token in tokens)) for base in bases)
 
 
 def shows(data: bytes, text: str) -> bool:
     """Whether a text is these bytes as characters, with dots or the like for those that have none."""
     text = text.strip("\r\n|<> \t") if len(text.rstrip()) > len(data) else text.rstrip("\r\n")
-    text = text.ljust(len(data))
-    if len(text) != len(data):
-        return False
-    for byte, char in zip(data, text, strict=True):
-        if char != chr(byte) and (char != "." if 0x20 < byte < 0x7F else char.isascii() and char.isalnum()):
-            return False
-    return True
+    signs = zip(data, text.ljust(len(data)), strict=False)
+    return len(text) <= len(data) and all(char == chr(byte) or _may_stand_for(byte, char) for byte, char in signs)
+
+
+def _may_stand_for(byte: int, char: str) -> bool:
+    return char == "." if 0x20 < byte < 0x7F else not (char.isascii() and char.isalnum())
 
 
 def swapped(data: bytes) -> bytes:
@@ -154,17 +151,12 @@ def offset_at_the_end(before: str) -> re.Match[str] | None:
 def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
     """A candidate with what stands before it taken into account."""
     before = line.before(found.start)
-    if found.shape in ROWS and (offset := offset_at_the_end(before)) is not None:
-        begin = found.start - len(before) + offset.start("all")
-        if begin in line.first:
-            number = len(found.data) <= _NUMBER  # `40003: 1000`
-            level = (
-                found.level if number else max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
-            )
-            return found._replace(offset=offset[2], level=level, lead=begin)
-    if found.level and is_named_otherwise(before):
-        return found._replace(level=Writing.NUMBER, lead=found.start)
-    return found._replace(lead=found.start)
+    offset = offset_at_the_end(before) if found.shape in ROWS else None
+    if offset is not None and (begin := found.start - len(before) + offset.start("all")) in line.first:
+        level = Writing.BYTES if len(found.data) > _NUMBER else found.level  # `40003: 1000`
+        return found._replace(offset=offset[2], level=level, lead=begin)
+    named = found.level and is_named_otherwise(before)
+    return found._replace(level=Writing.NUMBER if named else found.level, lead=found.start)
 
 
 def is_named_otherwise(before: str) -> bool:
@@ -214,6 +206,6 @@ def halves(text: str) -> str | None:
     return None
 
 
-def shortened(word: str) -> str:
-    """A word as a message quotes it."""
-    return word if len(word) <= 24 else word[:21] + "..."
+def shortened(text: str, most: int = 24) -> str:
+    """A text as a message quotes it, up to so many characters."""
+    return text if len(text) <= most else text[: most - 3] + "..."

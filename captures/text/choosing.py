@@ -6,7 +6,7 @@ Here too: whose a direction mark of the line is.
 from __future__ import annotations
 
 import re
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 from ..checked import Checked
 from .candidates import (
+    WORD,
     HexWindow,
     TextLine,
     Writing,
@@ -75,7 +76,7 @@ def _labelled(runs: list[ByteRun], text: str) -> list[ByteRun]:
     for i, run in enumerate(runs):
         if behind:
             run.label = label_in(text[max(behind, run.start - 2 * _LABEL) : run.start])
-        behind = run.end if run.level or run.checked else behind
+        behind = run.end if run.is_likely else behind
         if run.offset is None:
             continue
         shown = run.checked or shows(run.data, text[run.end :].strip(_AROUND))
@@ -103,7 +104,7 @@ def _cells_of(run: ByteRun, text: str) -> list[ByteRun]:
 class _Ranked(NamedTuple):
     """A candidate with what speaks for it; `whole`: all of it has right check values."""
 
-    rank: tuple[int, int, int, int, int, int]
+    rank: tuple[int, int, bool, int, Writing, int]
     candidate: HexWindow
     checked: Sequence[Checked]
     whole: bool
@@ -112,20 +113,27 @@ class _Ranked(NamedTuple):
 def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> _Ranked:
     candidate = in_its_place(candidate, line)
     size, shown = len(candidate.data), line.text[candidate.start : candidate.end]
-    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, shown))
-    checked = checked_in(candidate, judge) if judged else ()
     padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
+    no_frame = size < _LEAST or (experience.damaged and (padded or _is_no_frame(candidate, shown)))
+    checked = () if no_frame else checked_in(candidate, judge)
     if padded:  # no header says more than that numbers are not written so
-        checked = [span for span in checked if span.envelope != "tcp" and not experience.damaged]
+        checked = [span for span in checked if span.envelope != "tcp"]
     right = covered(checked)
-    trusted = announced = 0
-    if experience.taught and not padded:
-        direct = candidate.start in line.first and candidate.start > line.begin
-        trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
-        if not checked and size >= _HEADED and candidate.shape in experience.shapes:
-            announced = bool(judge(candidate.data[:MOST_JUDGED], damaged=True))
-    rank = (right, right - size if right else 0, announced, trusted, candidate.level, len(shown))
+    learnt = (False, 0) if padded else _learnt_of(candidate, line, judge, experience, right=right)
+    rank = (right, right - size if right else 0, *learnt, candidate.level, len(shown))
     return _Ranked(rank, candidate, checked, right == size > 0)
+
+
+def _learnt_of(
+    candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience, *, right: int
+) -> tuple[bool, int]:
+    """Whether a header says so much, in a writing in which others are right; how often others like it were right."""
+    if not experience.taught:
+        return False, 0
+    direct = candidate.start in line.first and candidate.start > line.begin
+    known = not right and len(candidate.data) >= _HEADED and candidate.shape in experience.shapes
+    announced = known and bool(judge(candidate.data[:MOST_JUDGED], damaged=True))
+    return announced, experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
 
 
 def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_Ranked]:
@@ -134,7 +142,7 @@ def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_R
         return []
     ways = [_ranked(candidate, line, judge, experience) for candidate in run_together(line)]
     right = [entry for entry in ways if entry.whole and _is_beyond_chance(entry.checked[0])]
-    experience.patience.spend(_RUN_TOGETHER, bool(ways), found=bool(right))
+    experience.patience.spend(_RUN_TOGETHER, len(ways), found=bool(right))
     return right if len(right) == 1 else []
 
 
@@ -165,15 +173,14 @@ def _overlaps(places: Sequence[tuple[int, int, ByteRun]], i: int, candidate: Hex
 
 def checked_in(candidate: HexWindow, judge: ByteJudge) -> Sequence[Checked]:
     """The stretches of a candidate with a right check value; of a number's bytes they must cover enough."""
-    checked = judge(candidate.data[:MOST_JUDGED])
-    least = _ENOUGH * min(len(candidate.data), MOST_JUDGED) if candidate.level is Writing.NUMBER else 0
-    return checked if covered(checked) >= least else ()
+    data = candidate.data[:MOST_JUDGED]
+    checked = judge(data)
+    return checked if candidate.level or covered(checked) >= _ENOUGH * len(data) else ()
 
 
 def label_of(line: TextLine, start: int) -> str:
     """The end of what stands before a run, in small letters and without numbers."""
-    before = line.text[max(start - 2 * _LABEL, 0) : start]
-    return label_in(before) if before else ""
+    return label_in(line.text[max(start - 2 * _LABEL, 0) : start])
 
 
 @lru_cache(maxsize=4096)
@@ -184,7 +191,6 @@ def label_in(before: str) -> str:
     return words if any(char.isalpha() for char in words) else ""
 
 
-_WORD: Final = re.compile(r"\w")
 _OF_BRACKETS: Final = {"[": TX, "<": RX}  # as libmodbus and ModScan write them
 
 
@@ -193,23 +199,34 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
 
     An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
     """
-    if not runs:
+    if not runs or not line_marks:
+        _mark_by_brackets(text, runs)
         return
-    brackets = [] if line_marks else [text[run.start - 1 : run.start] for run in runs]
-    for run, bracket in zip(runs, brackets, strict=False) if {"[", "<"} <= {*brackets} else ():
-        run.mark = _OF_BRACKETS.get(bracket, NONE)  # `[01][03]…<01><03>…`
-    pointed = any(mark.arrow and mark.end <= runs[0].start for mark in line_marks[:1])
-    told = [mark for mark in line_marks if pointed or not mark.arrow or mark.start < runs[0].end]
-    newest, marks = None, iter(told)
-    mark = next(marks, None)
+    told, first = _told(line_marks, runs[0]), runs[0]
+    ends = [mark.end for mark in told]
     for run in runs:
-        while mark is not None and mark.end <= run.start:
-            if not (mark.arrow and newest is not None and newest.plain):
-                newest = mark
-            mark = next(marks, None)
-        if newest is not None:
-            run.mark, run.arrow = newest.mark, newest.arrow
-            run.direct = not _WORD.search(text, newest.end, run.start)
-    behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
-    if len(runs) == len(behind) == 1 and not runs[0].mark:
-        runs[0].mark = behind[0].mark
+        if at := bisect_right(ends, run.start):
+            run.mark, run.arrow = told[at - 1].mark, told[at - 1].arrow
+            run.direct = not WORD.search(text, ends[at - 1], run.start)
+    behind = [mark.mark for mark in line_marks if mark.start >= first.end and not mark.arrow]
+    if len(runs) == len(behind) == 1:
+        first.mark = first.mark or behind[0]
+
+
+def _told(line_marks: Sequence[LineMark], first: ByteRun) -> list[LineMark]:
+    """The marks of a line that say something."""
+    pointed = line_marks[0].arrow and line_marks[0].end <= first.start
+    told: list[LineMark] = []
+    for mark in line_marks:
+        behind_word = bool(told) and told[-1].plain
+        if not mark.arrow or (not behind_word and (pointed or mark.start < first.end)):
+            told.append(mark)
+    return told
+
+
+def _mark_by_brackets(text: str, runs: Sequence[ByteRun]) -> None:
+    """`[01][03]…<01><03>…`"""
+    brackets = [text[run.start - 1 : run.start] for run in runs]
+    if {*_OF_BRACKETS} <= {*brackets}:
+        for run, bracket in zip(runs, brackets, strict=True):
+            run.mark = _OF_BRACKETS.get(bracket, NONE)

@@ -13,7 +13,7 @@ from .choosing import label_in
 from .judging import ByteJudge, frames_over, lenient
 from .loglines import LogLine
 from .runs import FLOORS, ByteRun, Experience, covered
-from .tokens import JOINED, NumberToken, cell_of, holds_numbers, skeleton_of, tokens_of
+from .tokens import JOINED, NumberToken, holds_numbers, nth, skeleton_of, tokens_of
 from .tools import names_a_way
 
 COLUMN_SHAPE: Final = "column"
@@ -47,8 +47,7 @@ def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Exper
         if group and (not wanted or len(group) == MOST_ROWS):
             _column_of(group, judge, experience)
             group = []
-    if group:
-        _column_of(group, judge, experience)
+    _column_of(group, judge, experience)
 
 
 def _is_timed_word(line: LogLine) -> bool:
@@ -72,26 +71,31 @@ def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
     Only of fields with names one may be a name. Lines like one that was a frame are read as it was.
     """
     tokens = tokens_of(line)
-    counted = _counted(tokens)
-    octets = sum(token.octet for token in tokens)
-    if counted is None and max(len(_FIELD.findall(line.clean)), octets) < LEAST_COLUMN:
+    counted, octets = _counted(tokens), sum(token.octet for token in tokens)
+    if not counted and max(len(_FIELD.findall(line.clean)), octets) < LEAST_COLUMN:
         return
-    tokens = tokens if counted is None else counted
-    skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
-    plain = _without_names(tokens, line.clean)
-    ways = [tokens, tokens[1:], plain, plain[1:]]  # the first may be the number of the line
-    readings = [(some, _joined_up([token.hexadecimal for token in some])) for some in ways]
-    if counted is not None:
-        readings.insert(0, (counted, _joined_up([token.decimal for token in counted])))
-    least = _LEAST_DAMAGED if experience.damaged and counted is None else _LEAST
-    for i, (some, data) in enumerate(readings):
-        if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
-            take_tokens(line, some, data)
-            experience.fields.setdefault(skeleton, i)
-            return
-    known = experience.fields.get(skeleton, len(readings))
-    if known < len(readings) and _LEAST < len(readings[known][1]) <= _FRAME:
-        take_tokens(line, *readings[known], checked=False)
+    skeleton = _COUNTED if counted else _OCTETS if octets == len(tokens) else skeleton_of(line)
+    readings = [*_fields_in(tokens, counted, line.clean)]
+    least = _LEAST_DAMAGED if experience.damaged and not counted else _LEAST
+    sized = ((i, data) for i, (_, data) in enumerate(readings) if least < len(data) <= _FRAME)
+    right = next((i for i, data in sized if _are_frames(data, judge)), None)
+    known = experience.fields.get(skeleton) if right is None else right
+    if known is not None and _LEAST < len(readings[known][1]) <= _FRAME:
+        experience.fields.setdefault(skeleton, known)
+        take_tokens(line, *readings[known], checked=right is not None)
+
+
+_Fields = tuple[Sequence[NumberToken], bytes]
+
+
+def _fields_in(tokens: Sequence[NumberToken], counted: Sequence[NumberToken], text: str) -> Iterator[_Fields]:
+    """The fields that numbers may be, and their bytes; the first may be the number of the line."""
+    fields = counted or tokens
+    if counted:
+        yield counted, _joined_up([token.decimal for token in counted])
+    plain = _without_names(fields, text)
+    for some in (fields, fields[1:], plain, plain[1:]):
+        yield some, _joined_up([token.hexadecimal for token in some])
 
 
 def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
@@ -100,7 +104,7 @@ def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberT
     `9e fc 31 5d`: where no other name stands between them, none is: leaving bytes out until a CRC comes out right would
     find frames in noise.
     """
-    if not tokens or _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
+    if _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
         return tokens
     return [token for token in tokens if not token.is_name]
 
@@ -110,43 +114,46 @@ def _joined_up(parts: Sequence[bytes]) -> bytes:
     return b"".join(parts) if all(parts) else b""
 
 
-def _counted(tokens: Sequence[NumberToken]) -> Sequence[NumberToken] | None:
-    """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; None of other lines."""
+def _counted(tokens: Sequence[NumberToken]) -> Sequence[NumberToken]:
+    """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; none of other lines."""
     numbers = [token.digits for token in tokens[::2]]
     counts = any(numbers == [*map(str, range(first, first + len(numbers)))] for first in (0, 1))
-    return tokens[1::2] if counts and len(tokens) == 2 * len(numbers) >= 2 * LEAST_COLUMN else None
+    return tokens[1::2] if counts and len(tokens) == 2 * len(numbers) >= 2 * LEAST_COLUMN else ()
 
 
-def _exactly(data: bytes, judge: ByteJudge) -> bool:
-    """Whether frames with right check values are all of these bytes."""
-    return covered(judge(data)) == len(data)
+def _are_frames(data: bytes, judge: ByteJudge) -> bool:
+    """Whether frames with right check values are all of these bytes, which do not count up."""
+    return not counts_up(data) and covered(judge(data)) == len(data)
 
 
 def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """One number of each line, always the same one, where those are frames: of lines that are alike, then of all."""
-    known = experience.columns
     kinds: dict[str, list[LogLine]] = {}
     for line in lines:
         kinds.setdefault(skeleton_of(line), []).append(line)
     for skeleton, alike in kinds.items():
-        ways = [known[skeleton]] if skeleton in known else []
-        if not ways and experience.patience.ends(_COLUMNS):
-            continue
-        if (found := _one_column(alike, judge, ways, alike=True, damaged=experience.damaged)) is not None:
-            known[skeleton] = found
-        elif skeleton not in known and (
-            ways := [*{*known.values()}]
-        ):  # as long as a header says, in a column of others
-            _one_column(alike, lenient(judge), ways, alike=True, damaged=True)
+        _column_of_kind(skeleton, alike, judge, experience)
     searched = experience.damaged or experience.patience.ends(_COLUMNS)
     if 2 * sum(map(is_of_column, lines)) < len(lines) and not searched:
         found = _one_column(lines, judge, alike=False)
         if found is not None:
             bare = {skeleton for skeleton in kinds if not any(map(str.isalpha, skeleton))}
             inside = {skeleton_of(line) for line in lines if is_of_column(line)}
-            known |= dict.fromkeys((bare | inside) - {*known}, found)
+            experience.columns |= dict.fromkeys((bare | inside) - {*experience.columns}, found)
     _take_known(lines, experience)
     experience.patience.spend(_COLUMNS, len(lines), found=any(map(is_of_column, lines)))
+
+
+def _column_of_kind(skeleton: str, alike: list[LogLine], judge: ByteJudge, experience: Experience) -> None:
+    """The same of lines that are alike, if those before say nothing else."""
+    known = experience.columns
+    ways = [known[skeleton]] if skeleton in known else []
+    if not ways and experience.patience.ends(_COLUMNS):
+        return
+    if (found := _one_column(alike, judge, ways, alike=True, damaged=experience.damaged)) is not None:
+        known[skeleton] = found
+    elif not ways and known:  # as long as a header says, in a column of others
+        _one_column(alike, lenient(judge), {*known.values()}, alike=True, damaged=True)
 
 
 def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
@@ -158,7 +165,7 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
         way = experience.columns.get(name) or _way_of_emptier(name, experience.columns)
         if is_of_column(line) or (holds_bytes(line) and len(fields) > 1):
             above = None
-        elif way is not None and (cell := cell_of(line, *way)) is not None and (part := cell.value(way[1])):
+        elif way is not None and (part := (cell := nth(tokens_of(line, way[1]), way[0])).value(way[1])):
             take_tokens(line, [cell], part)
             line.continues = above is not None and _is_right_below(above, line)
             above = line
@@ -209,16 +216,13 @@ def _one_column(
     shown = [*map(holds_bytes, lines)]
     for way, cells in _ways(lines, ways):
         whole = way[1] != JOINED
-        parts = [
-            b"" if cell is None or (whole and other) else cell.value(way[1])
-            for cell, other in zip(cells, shown, strict=True)
-        ]
+        parts = [b"" if whole and other else cell.value(way[1]) for cell, other in zip(cells, shown, strict=True)]
         if parts in tried or (damaged and _is_numbering(parts)):
             continue
         tried.append(parts)
         inside = _inside_frames(parts, judge)
         rows = len(inside) - inside.count(0)
-        starts = {cell.start for cell, frame in zip(cells, inside, strict=True) if cell is not None and frame}
+        starts = {cell.start for cell, frame in zip(cells, inside, strict=True) if frame}
         if rows > damaged * (len(lines) - 1):
             found.append(((rows, len(starts) == 1), way, inside))
     if not found:
@@ -233,16 +237,16 @@ def _take_inside(lines: list[LogLine], i: int, reading: str, inside: Sequence[in
     above: tuple[int, LogLine] = (0, lines[0])
     for row in range(rows[0], rows[-1] + 1):
         line, frame = lines[row], inside[row]
-        cell = cell_of(line, i, reading)
-        if cell is not None and cell.value(reading) and (alike or frame):
-            take_tokens(line, [cell], cell.value(reading))
+        cell = nth(tokens_of(line, reading), i)
+        if (alike or frame) and (part := cell.value(reading)):
+            take_tokens(line, [cell], part)
             line.continues = row > rows[0] and above[0] == frame and above[1].t_ns == line.t_ns
             above = frame, line
 
 
 def _ways(
     lines: Sequence[LogLine], known: Collection[tuple[int, str]]
-) -> Iterator[tuple[tuple[int, str], list[NumberToken | None]]]:
+) -> Iterator[tuple[tuple[int, str], list[NumberToken]]]:
     """Which number of each line may be a byte, from either end, how it may be read, and those numbers."""
     table: Sequence[Sequence[NumberToken]] = [tokens_of(line) for line in lines]
     bits = any(token.is_bits for tokens in table[:LEAST_COLUMN] for token in tokens)
@@ -252,7 +256,7 @@ def _ways(
         fewest = min(max(map(len, table)), _MOST_COLUMNS)
         for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
             if not known or (i, reading) in known:
-                yield (i, reading), [tokens[i] if -len(tokens) <= i < len(tokens) else None for tokens in table]
+                yield (i, reading), [nth(tokens, i) for tokens in table]
 
 
 def _is_numbering(parts: Sequence[bytes]) -> bool:
@@ -288,40 +292,41 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
     Lines of nothing but one or two hex digits; and, where a text holds nothing that is plainer, bytes beside what each
     means: `0x01 -> unit`. Numbers that only rise count something, and are none.
     """
-    for twice, same in groupby(lines, _in_two_bases):
-        group = list(same)
-        if twice and len(group) >= LEAST_COLUMN and not any(map(holds_bytes, group)):
-            _take_unchecked(group, [tokens_of(line)[-1] for line in group])
-    for loose, same in groupby(lines, _is_loose):
-        group = list(same)
-        table = [tokens_of(line, JOINED) for line in group]
-        if not loose or len(group) < LEAST_COLUMN or not all(table):
-            continue
-        bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(group, table, strict=True))
-        named = len({skeleton_of(line) for line in group}) >= FIELDS
-        if not bare and not (experience.floor == FLOORS[-1] and named):
-            continue
-        columns = [[tokens[i] for tokens in table] for i in (0, -1)]
-        column = next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), None)
-        if column is not None:
-            _take_unchecked(group, column)
+    for is_of_message, column_of in ((_in_two_bases, _column_in_hex), (_is_loose, _column_of_bytes)):
+        for fits, same in groupby(lines, is_of_message):
+            group = list(same)
+            column = column_of(group, experience) if fits and len(group) >= LEAST_COLUMN else ()
+            for line, token in zip(group, column, strict=False):
+                take_tokens(line, [token], token.hexadecimal, checked=False)
+                line.continues = line is not group[0]
+
+
+def _column_in_hex(lines: Sequence[LogLine], _: Experience) -> Sequence[NumberToken]:
+    """The last numbers of lines that say each byte in two bases."""
+    return () if any(map(holds_bytes, lines)) else [tokens_of(line)[-1] for line in lines]
+
+
+def _column_of_bytes(lines: Sequence[LogLine], experience: Experience) -> Sequence[NumberToken]:
+    """The first or the last numbers of lines that have nothing else, or that say what each means."""
+    table = [tokens_of(line, JOINED) for line in lines]
+    bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(lines, table, strict=True))
+    if not bare and (experience.floor != FLOORS[-1] or len({skeleton_of(line) for line in lines}) < FIELDS):
+        return ()
+    columns = [[tokens[i] for tokens in table] for i in (0, -1)]
+    return next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), ())
 
 
 def _is_loose(line: LogLine) -> bool:
     return holds_numbers(line) and not is_right(line) and not holds_bytes(line)
 
 
-def _take_unchecked(lines: Sequence[LogLine], column: Sequence[NumberToken]) -> None:
-    for line, token in zip(lines, column, strict=True):
-        take_tokens(line, [token], token.hexadecimal, checked=False)
-        line.continues = line is not lines[0]
-
-
 def _in_two_bases(line: LogLine) -> bool:
     """`received Byte 27 (0X1b)`: a byte of a message in decimal, or bit by bit, and in hex."""
     tokens = tokens_of(line)
-    said = _SAID_BEFORE.search(line.clean[: tokens[-1].start]) if tokens else None
-    if said is None or not tokens[-1].signed or not names_a_way(skeleton_of(line)):
+    if not tokens or not tokens[-1].signed:
+        return False
+    said = _SAID_BEFORE.search(line.clean[: tokens[-1].start])
+    if said is None or not names_a_way(skeleton_of(line)):
         return False
     return int(tokens[-1].digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
 

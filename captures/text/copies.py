@@ -49,6 +49,10 @@ class _Entry:
     def last(self) -> LogLine:
         return self.parts[-1][0]
 
+    def is_against(self, other: _Entry) -> bool:
+        """Whether marks say that two speak to one another."""
+        return 0 != self.mark != other.mark != 0
+
     @property
     def repeats(self) -> bool:
         """Whether an answer may be the same bytes, or the first of them."""
@@ -74,7 +78,7 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
             near = _one_report(earlier, entry) and others < _BETWEEN
             drop = _copy_of_two(earlier, entry, experience, turned=turned) if near else None
             if drop is None:
-                turned = turned or 0 != earlier.mark != entry.mark != 0
+                turned = turned or earlier.is_against(entry)
                 others += earlier.checked and earlier.last is not entry.first
             elif drop is earlier:
                 _leave_out_copy(earlier, entry)
@@ -117,23 +121,27 @@ def _note_voices(entries: Sequence[_Entry], experience: Experience) -> None:
 
 def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None:
     """Of lines of which each stands there several times at one time, as handlers print them, the first of each."""
-    kinds: dict[tuple[str, str], list[list[LogLine]]] = {}
-    for line in lines:
-        run = next((run for run in line.runs if run.taken), None)
-        if run is None or not line.fine:
-            continue
-        alike = kinds.setdefault((run.label, run.shape), [[line]])
-        above = alike[-1][-1]
-        if (above.text, above.number + 1) == (line.text, line.number):
-            alike[-1].append(line)
-        elif above is not line:
-            alike.append([line])
-    for kind, alike in kinds.items():
+    for kind, alike in _lines_alike(lines).items():
         if len(alike) > 1 and all(len(same) > 1 for same in alike):
             experience.of(*kind).doubled = True
         for first, *more in alike if experience.of(*kind).doubled else ():
             for run in (run for line in more for run in line.runs):
                 run.taken, run.why = False, f"the same bytes as in line {first.number}"
+
+
+def _lines_alike(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[list[LogLine]]]:
+    """Lines at fine times by labels and writings, those that are the same and below one another together."""
+    kinds: dict[tuple[str, str], list[list[LogLine]]] = {}
+    for line in lines:
+        run = next((run for run in line.runs if run.taken and line.fine), None)
+        if run is None:
+            continue
+        alike = kinds.setdefault((run.label, run.shape), [])
+        if alike and (alike[-1][-1].text, alike[-1][-1].number + 1) == (line.text, line.number):
+            alike[-1].append(line)
+        else:
+            alike.append([line])
+    return kinds
 
 
 def _leave_out_copy(drop: _Entry, other: _Entry) -> None:
@@ -143,14 +151,13 @@ def _leave_out_copy(drop: _Entry, other: _Entry) -> None:
 
 def _one_report(earlier: _Entry, entry: _Entry) -> bool:
     """Whether two runs can be of one log entry: near in the text and in time, of one direction."""
-    far = entry.first.number - earlier.last.number > _ENTRY_LINES
-    if far or 0 != earlier.mark != entry.mark != 0:
+    if entry.first.number - earlier.last.number > _ENTRY_LINES or earlier.is_against(entry):
         return False
     first, second = earlier.last.t_ns, entry.first.t_ns
     if first is None or second is None:
         return True
-    limit = _ENTRY_FINE_NS if earlier.last.fine and entry.first.fine else _ENTRY_COARSE_NS
-    return abs(second - first) <= limit
+    fine = earlier.last.fine and entry.first.fine
+    return abs(second - first) <= (_ENTRY_FINE_NS if fine else _ENTRY_COARSE_NS)
 
 
 def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turned: bool) -> _Entry | None:
@@ -167,11 +174,20 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     pair = (*earlier.template, *entry.template)
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
-    part = entry if entry.data in earlier.data else earlier if not turned and earlier.data in entry.data else None
-    if part is None or len(part.data) == 1 or part.checked or (part is earlier and not entry.checked):
-        return None  # one byte is in many a frame
-    experience.reports.add(pair)
+    part = _part_of_two(earlier, entry, turned=turned)
+    if part is not None:
+        experience.reports.add(pair)
     return part
+
+
+def _part_of_two(earlier: _Entry, entry: _Entry, *, turned: bool) -> _Entry | None:
+    """The one of two that is a part of the other, and is no frame itself."""
+    if min(len(earlier.data), len(entry.data)) == 1:
+        return None  # which is in many a frame
+    if entry.data in earlier.data:
+        return None if entry.checked else entry
+    begun = entry.checked and not earlier.checked and not turned
+    return earlier if begun and earlier.data in entry.data else None
 
 
 def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:

@@ -197,12 +197,18 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
         if len(tokens) > 1 and line.text[end : end + 1].isalnum():  # "0A3843 after"
             last = start + len(match[0][: -len(tokens[-1])].rstrip())
             yield HexWindow(data[: -len(tokens[-1]) // 2], start, last, "words", level)
-        yield HexWindow(data, start, end, "words", level)
-        if all(len(token) == 4 for token in tokens):
-            yield HexWindow(swapped(data), start, end, "swapped words", Writing.NUMBER)
-        elif len(tokens) > 1 and all(len(token) == 8 for token in tokens[:-1]):
+        yield from _both_orders(tokens, (start, end), "words", level)
+        if len(tokens) > 1 and all(len(token) == 8 for token in tokens[:-1]):
             parts = (bytes.fromhex(token)[::-1] for token in tokens)
             yield HexWindow(b"".join(parts), start, end, "swapped words", Writing.NUMBER)
+
+
+def _both_orders(tokens: list[str], place: tuple[int, int], shape: str, level: Writing) -> Iterator[HexWindow]:
+    """Words as they stand; those of 16 bits with their bytes the other way round, too."""
+    data = bytes.fromhex("".join(tokens))
+    yield HexWindow(data, *place, shape, level)
+    if all(len(token) == 4 for token in tokens):
+        yield HexWindow(swapped(data), *place, f"swapped {shape}", Writing.NUMBER)
 
 
 def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> Writing:
@@ -247,11 +253,8 @@ def _are_parted(escapes: str) -> bool:
 def _prefixed_words(line: TextLine, match: re.Match[str], tokens: list[str]) -> Iterator[HexWindow]:
     if any(len(token) % 2 for token in tokens):
         return
-    data = bytes.fromhex("".join(tokens))
-    alone = line.alone(*match.span()) and len(data) > _SOME
-    yield HexWindow(data, *match.span(), "0x words", Writing.LIKELY if alone else Writing.NUMBER)
-    if all(len(token) == 4 for token in tokens):
-        yield HexWindow(swapped(data), *match.span(), "swapped 0x words", Writing.NUMBER)
+    alone = line.alone(*match.span()) and sum(map(len, tokens)) > 2 * _SOME
+    yield from _both_orders(tokens, match.span(), "0x words", Writing.LIKELY if alone else Writing.NUMBER)
 
 
 def _decimals(text: str) -> Iterator[HexWindow]:

@@ -55,8 +55,9 @@ class Dump:
 
     def shows(self, rest: str) -> bool:
         """Whether a line without an offset is the newest row as characters, as `od -t x1c` writes it below."""
-        cells = OD_BELOW.match(rest) if self.row is not None else None
-        return cells is not None and self.row is not None and od_bytes(cells["row"]) == self.row.data
+        if self.row is None or (cells := OD_BELOW.match(rest)) is None:
+            return False
+        return od_bytes(cells["row"]) == self.row.data
 
     def _is_next(self, digits: str, length: int) -> bool:
         """Whether these digits are where the dump goes on: in hex, or in octal or decimal as od writes it."""
@@ -92,13 +93,10 @@ def with_repeats(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
             continue
         row = _row(line)
         if held is not None:
-            rows = _between(above, row.offset) if row is not None else ()
-            if 0 < len(rows) <= left:
-                left -= len(rows)
-                for text in rows:
-                    yield held[0], text
-            else:
-                yield held
+            rows = _between(above, row.offset) if row is not None else []
+            rows = rows if 0 < len(rows) <= left else [held[1]]
+            left -= len(rows)
+            yield from ((held[0], text) for text in rows)
             held = None
         above = [*above[-1:], row] if row is not None and row.rest else []
         yield number, line
@@ -108,7 +106,7 @@ def with_repeats(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
 
 def _row(line: str) -> _DumpRow | None:
     match = _ROW.match(line.rstrip("\r\n"))
-    return None if match is None else _DumpRow(match["lead"], match["offset"], match["rest"] or "")
+    return None if match is None else _DumpRow(*match.groups(""))
 
 
 def _between(above: list[_DumpRow], following: str) -> list[str]:

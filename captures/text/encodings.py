@@ -81,11 +81,8 @@ def decoded(data: bytes) -> str:
     codec = utf16(data)
     if codec is not None:
         return data.decode(codec, "replace").removeprefix("\ufeff")
-    try:
-        return data.decode().removeprefix("\ufeff")
-    except UnicodeDecodeError:
-        lines = data.split(b"\n")
-        page = code_page(lines)
+    lines = data.split(b"\n")
+    page = code_page(lines)
     return "\n".join(line_of(line, page) for line in lines).removeprefix("\ufeff")
 
 

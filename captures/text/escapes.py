@@ -103,7 +103,8 @@ def _string(body: str, start: int) -> Iterator[HexWindow]:
 
 def unescape(text: str, escape: re.Pattern[str] = _ESCAPE) -> bytes:
     """Bytes of a C or Python string's inside: hex, octal and letter escapes, other characters as they are."""
-    return b"".join(_BYTES_OF[match.lastgroup or ""](match[match.lastgroup or 0]) for match in escape.finditer(text))
+    found = ((match.lastgroup or "", match) for match in escape.finditer(text))
+    return b"".join(_BYTES_OF[name](match[name]) for name, match in found)
 
 
 def _octets(char: str) -> bytes:

@@ -119,9 +119,7 @@ class TimeColumn:
         if not self.number < len(cells) <= self.columns + 1:
             return None
         start, end = cells[self.number]
-        cell = _CELL.match(text[start:end])
-        t_ns = None if cell is None else self._time(cell)
-        if cell is None or t_ns is None:
+        if (cell := _CELL.match(text[start:end])) is None or (t_ns := self._time(cell)) is None:
             return None
         numbers = self.numbered and all(text[a:b].strip(" \"'").isdigit() for a, b in cells[: self.number])
         begin = cells[0][0] if numbers else start
@@ -151,9 +149,8 @@ def time_column(text: str) -> TimeColumn | None:
             continue
         names = [text[start:end].strip(" \"'\ufeff") for start, end in cells]
         for number, name in enumerate(names):
-            numbered = not any(map(_DATA.search, names[:number]))
-            match = _NAME.match(name)
-            if match is not None:
+            if (match := _NAME.match(name)) is not None:
+                numbered = not any(map(_DATA.search, names[:number]))
                 unit = _UNITS.get(name.lower()) or UNIT_NS.get((match["unit"] or "").lower())
                 return TimeColumn(parted, number, len(cells), unit, numbered)
     return None
@@ -161,10 +158,10 @@ def time_column(text: str) -> TimeColumn | None:
 
 def _cells(text: str, parted: str) -> list[tuple[int, int]]:
     """Where the cells of a row begin and end."""
+    if parted not in text:
+        return []
     begin, end = (0, len(text)) if parted else (len(text) - len(text.lstrip()), len(text.rstrip()))
     gaps = [match.span() for match in _APART[parted].finditer(text, begin, end)]
-    if parted and not gaps:
-        return []
     return [*zip((begin, *(last for _, last in gaps)), (*(first for first, _ in gaps), end), strict=True)]
 
 
@@ -172,6 +169,13 @@ _LINES_NS: Final = 2_000_000  # of numbers of lines, or of two together, read as
 _FEWEST_STEPS: Final = 3  # that tell days from seconds
 _SOONEST_NS: Final = 80_000  # of rows in seconds: a byte at 115200 bit/s takes longer
 _SOONEST_BARE_NS: Final = 1_000  # where nothing else says that they are days
+_NOTICES: Final = (  # of habits, one by one
+    "fractions of a second are read as {} without leading zeros: as decimals they would run backwards",
+    "times with a plus are read as steps from the one above: as absolute times they would run backwards",
+    "times are read as days, as spreadsheets count them: as seconds they would be too close together",
+    "",
+    "numbers before line marks are read as milliseconds",
+)
 _UNITS_OF: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}  # by digits
 
 
@@ -187,28 +191,20 @@ class ClockHabits(NamedTuple):
     @property
     def notices(self) -> Iterator[str]:
         """What was made of it, for people."""
-        if self.width:
-            unit = _UNITS_OF[self.width]
-            yield (
-                f"fractions of a second are read as {unit} without leading zeros: as decimals they would run backwards"
-            )
-        if self.steps:
-            yield "times with a plus are read as steps from the one above: as absolute times they would run backwards"
-        if self.days:
-            yield "times are read as days, as spreadsheets count them: as seconds they would be too close together"
-        if self.counters and self.guessed:
-            yield "numbers before line marks are read as milliseconds"
+        unit = _UNITS_OF.get(self.width)
+        return (notice.format(unit) for notice, holds in zip(_NOTICES, self, strict=True) if holds and notice)
 
 
 def habits_of(stamps: Iterable[Stamp]) -> ClockHabits:
     """What the times of a text's beginning, in their order, tell."""
     stamps = list(stamps)
+    counters = _are_milliseconds(_steps(stamp.t_ns for stamp in stamps if stamp.counter))
     return ClockHabits(
         _width([stamp for stamp in stamps if stamp.places]),
         any(step < 0 for step in _steps(stamp.t_ns for stamp in stamps if stamp.signed)),
         _are_days([stamp.t_ns for stamp in stamps if stamp.unnamed and not stamp.counter]),
-        _are_milliseconds(_steps(stamp.t_ns for stamp in stamps if stamp.counter)),
-        any(stamp.counter and stamp.unnamed for stamp in stamps),
+        counters,
+        counters and any(stamp.counter and stamp.unnamed for stamp in stamps),
     )
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 
 from captures.text import stamps
 
-from .candidates import Writing, halves, is_ruler, line_of
+from .candidates import WORD, HexWindow, Writing, halves, is_ruler, line_of
 from .choosing import label_in, runs_in, with_marks
 from .dumps import Dump
 from .escapes import unescape
@@ -34,9 +34,7 @@ from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 if TYPE_CHECKING:
     from .tokens import NumberToken
 
-_LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
-_WORD: Final = re.compile(r"\w")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
 _ANNOUNCED: Final = re.compile(
@@ -45,12 +43,12 @@ _ANNOUNCED: Final = re.compile(
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
 _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$")
 _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
-_LABELLED: Final = 56  # characters of a heading that name it
-_REMEMBERED: Final = 2048  # lines
-_STAMPS: Final = 4096  # times that are looked at
 _CODE_SPAN: Final = re.compile(  # Markdown's marks about a part of a frame, as of its check value
     r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})"
 )
+_LABELLED: Final = 56  # characters of a heading that name it
+_REMEMBERED: Final = 2048  # lines
+_STAMPS: Final = 4096  # times that are looked at
 
 
 @dataclass(slots=True)
@@ -162,9 +160,9 @@ class LineReader:
         return parsed
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
-        for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
+        for i, shape in enumerate(self._tools):
             if (match := shape.pattern.match(text)) is not None:
-                if i and shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
+                if shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
                     self._tools.insert(0, self._tools.pop(i))
                 return self._shaped(shape, match, number, text)
         return None
@@ -172,37 +170,47 @@ class LineReader:
     def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> LogLine | None:
         if shape.role is LineRole.NOTHING:
             return self._carries_nothing(text, number)
-        groups = {name: said or "" for name, said in match.groupdict().items()}
-        above, way = self._heading, groups.get("mark", "").lower()
-        mark = MARK_WORDS.get(way, shape.mark)
-        if shape.mark and above is not None and above.joins:
-            mark = above.mark or mark  # `Rx` in the line above says more than a layout
-        t_ns, fine = self._shaped_time(groups)
-        length = int(groups["length"]) if groups.get("length") else None
+        groups = match.groupdict("")
         if shape.role is LineRole.HEADER:
-            if t_ns is None and above is not None:
-                t_ns, fine = above.t_ns, above.fine  # its time stands in a line of its own
-            self._heading = Heading(mark, t_ns, fine, shape.tool, left=length, joins=True, exact=True)
+            self._heading = self._shaped_heading(shape, groups)
             return LogLine(number, text, quiet=True)
-        line = LogLine(number, text, text, t_ns=t_ns, fine=fine, quiet=True)
-        if shape.tool == "pymodbus":
-            self._received = self._received or way == "recv"
-            if self._received and way not in ("send", "recv"):  # what was received, once more
+        way = groups.get("mark", "").lower()
+        line = LogLine(number, text, text, quiet=True)
+        line.t_ns, line.fine = self._shaped_time(groups)
+        self._received = self._received or way == "recv"
+        if shape.tool == "pymodbus" and way not in ("send", "recv"):
+            if self._received:  # what was received, once more
                 return line
             if way not in MARK_WORDS:  # it may be a PDU alone
                 return self._any_line(text, number)
-        run = self._payload(groups["hex"], shape, f"{shape.tool} {way}")
+        return self._with_payload(line, shape, groups, f"{shape.tool} {way}")
+
+    def _with_payload(self, line: LogLine, shape: Shape, groups: Mapping[str, str], label: str) -> LogLine | None:
+        """A tool's line with its bytes; None where it turns out to be another one."""
+        run, above = self._payload(groups["hex"], shape, label), self._heading
         self._heading = None
         if run is None:
-            return line if not _WORD.search(groups["hex"]) else None
+            return line if not WORD.search(groups["hex"]) else None
         if groups.get("cut"):
-            shown = f"{len(run.data)} of {length} bytes" if length else f"the first {len(run.data)} bytes"
-            line.problem = f"the log shows {shown} only"
-        run.data = run.data if length is None else run.data[: max(length, 0)]
-        run.mark, run.sure, run.label = mark, True, f"{shape.tool} {way}"
+            line.problem = f"the log shows {len(run.data)} of {groups['length']} bytes only"
+        if groups.get("length"):
+            run.data = run.data[: max(int(groups["length"]), 0)]
+        said = above.mark if shape.mark and above is not None and above.joins else NONE
+        way = MARK_WORDS.get(groups.get("mark", "").lower())
+        run.mark = way or said or shape.mark  # `Rx` in the line above says more than a layout
+        run.sure, run.label = True, label
         if run.data:
             line.runs, line.quiet = [run], False
         return line
+
+    def _shaped_heading(self, shape: Shape, groups: Mapping[str, str]) -> Heading:
+        """What a tool's line says of the rows below; its time may stand in a line of its own above."""
+        t_ns, fine = self._shaped_time(groups)
+        if t_ns is None and self._heading is not None:
+            t_ns, fine = self._heading.t_ns, self._heading.fine
+        left = int(groups["length"]) if "length" in groups else None
+        mark = MARK_WORDS[groups["mark"].lower()]
+        return Heading(mark, t_ns, fine, shape.tool, left=left, joins=True, exact=True)
 
     def _carries_nothing(self, text: str, number: int) -> LogLine:
         heading = self._heading
@@ -218,8 +226,7 @@ class LineReader:
             return stamps.in_range(round(int(groups["sample"]) / self.sample_rate * 1e9)), True
         if groups.get("us"):
             return stamps.in_range(int(groups["us"]) * 1000), True
-        stamp = stamps.find(stamps.short_fraction(groups.get("time", "")), self.zone)[0]
-        return self._time(stamp), stamp is not None and stamp.fine
+        return self._time(stamps.find(stamps.short_fraction(groups.get("time", "")), self.zone)[0])
 
     def _payload(self, text: str, shape: Shape, label: str) -> ByteRun | None:
         """The bytes of a tool's line, in whatever shape they stand; what was right in lines like it goes first."""
@@ -228,50 +235,48 @@ class LineReader:
             return ByteRun(data, 0, len(text), "\\x", Writing.BYTES, checked=self.judge(data))
         _, runs = self._searched(text)
         for run in runs:
-            shapes = {run.shape: run} | {other.shape: other for other in run.others}
-            known = max(shapes, key=lambda shape: self.experience.trust(label, shape, direct=False))
             if not run.checked:
-                run.take(shapes[known])
+                ways: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
+                run.take(max(ways, key=lambda way: self.experience.trust(label, way.shape, direct=False)))
         return max(runs, key=lambda run: (bool(run.checked), run.level, len(run.data)), default=None)
 
     def _any_line(self, text: str, number: int) -> LogLine:
         stamp, rest = self._stamp(text)
         rest = _CODE_SPAN.sub(r"\1", rest)
-        t_ns = self._time(stamp)
-        line = LogLine(number, text, rest, t_ns=t_ns, fine=stamp is not None and stamp.fine, stamped=t_ns is not None)
-        if stamp is not None:
-            self.zoneless = self.zoneless or not (stamp.of_day or stamp.zoned)
-        if not _WORD.search(rest):
-            line.quiet = True
-            if t_ns is not None:
-                self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
-            return line
-        if self._dump.ends_with(rest) or self._dump.shows(rest):
+        t_ns, fine = self._time(stamp)
+        line = LogLine(number, text, rest, t_ns=t_ns, fine=fine, stamped=t_ns is not None)
+        if self._has_no_bytes(line):
             line.quiet = True
             return line
         line_marks, line.runs = self._searched(rest)
-        in_dump = self._dump.row is not None and bool(line.runs) and line.runs[0].offset is not None
-        if not (in_dump or self._is_counted(line) or any(run.level or run.checked for run in line.runs)):
-            self._as_heading(line, rest, line_marks)
+        in_dump = self._dump.row is not None and any(run.offset is not None for run in line.runs[:1])
+        if not (in_dump or self._is_counted(line) or any(run.is_likely for run in line.runs)):
+            self._as_heading(line, line_marks)
             self._times = time_column(text) or self._times
-        if is_ruler(rest.strip(" |\t").split()) or _are_rulers(line):
-            line.quiet = True
-        if not line.runs:
-            line.quiet = line.quiet or _COMMENT.match(text) is not None
-            line.problem = None if line.quiet else halves(rest) or f"no bytes found in {quoted(text)}"
-            return line
-        return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
+        line.quiet = line.quiet or _is_ruler(line)
+        if line.runs:
+            return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
+        line.quiet = line.quiet or _COMMENT.match(text) is not None
+        line.problem = None if line.quiet else halves(rest) or f"no bytes found in {quoted(text)}"
+        return line
+
+    def _has_no_bytes(self, line: LogLine) -> bool:
+        """Whether a line is a time alone, which is that of the rows below, or what a dump has below its rows."""
+        if WORD.search(line.clean):
+            return self._dump.ends_with(line.clean) or self._dump.shows(line.clean)
+        if line.t_ns is not None:
+            self._heading = Heading(NONE, line.t_ns, line.fine, "", joins=True)
+        return True
 
     def _stamp(self, text: str) -> tuple[Stamp | None, str]:
         """The time of a line, and the line without any."""
-        in_column = self._times.find(text) if self._times is not None else None
-        if in_column is None:
-            stamp, rest = stamps.find(text, self.zone)
-            if stamp is None or not stamp.counter or self.experience.habits.counters:
-                return stamp, rest
-            self.stamps.append(stamp)
-            return None, text
-        return in_column[0], stamps.find(in_column[1], self.zone)[1]
+        if self._times is not None and (in_column := self._times.find(text)) is not None:
+            return in_column[0], stamps.find(in_column[1], self.zone)[1]
+        stamp, rest = stamps.find(text, self.zone)
+        if stamp is None or not stamp.counter or self.experience.habits.counters:
+            return stamp, rest
+        self.stamps.append(stamp)
+        return None, text
 
     def _searched(self, text: str) -> tuple[list[LineMark], list[ByteRun]]:
         """Marks and runs of a text without its times; logs repeat themselves, so what was met is remembered."""
@@ -288,9 +293,10 @@ class LineReader:
             remembered = self.memory[text] = learnt, line_marks, runs
         return remembered[1], [copy(run) for run in remembered[2]]
 
-    def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
+    def _as_heading(self, line: LogLine, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
-        bare = bool(line_marks) and not _WORD.search(rest[line_marks[-1].end :])
+        rest = line.clean
+        bare = bool(line_marks) and not WORD.search(rest[line_marks[-1].end :])
         said = [one.mark for one in line_marks if bare or not one.arrow]  # an arrow between words is none
         mark = said[-1] if len({*said}) == 1 else NONE  # `what I send and what comes`
         above, t_ns, fine = self._heading, line.t_ns, line.fine
@@ -317,32 +323,36 @@ class LineReader:
 
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
-        first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
+        first = next((run for run in line.runs if run.is_likely), line.runs[0])
         line.continues = self._dump.goes_on(first, line.t_ns)
         heading = self._heading
-        if heading is None or mark or _is_worded(line, first):
-            if heading is not None and line.t_ns is None and not heading.rows:
-                line.t_ns, line.fine = heading.t_ns, heading.fine
-            if first.level or first.checked:
-                self._heading = None
+        if heading is not None and not mark and not _is_worded(line, first):
+            self._below(heading, line, first, stamped=stamp is not None)
             return line
-        for run in line.runs:
-            run.mark = run.mark or heading.mark_at(line.text, run.start)
-            if not run.label:
-                run.heading = heading.label or " "
-        if stamp is None:
-            goes_on = heading.takes(len(first.data)) and first.offset is None
-            line.continues = heading.rows > 0 and (line.continues or goes_on)
-            line.port, line.t_ns, line.fine = heading.port, heading.t_ns, heading.fine
-            self._heading = heading.above(len(first.data))
+        if heading is not None and line.t_ns is None and not heading.rows:
+            line.t_ns, line.fine = heading.t_ns, heading.fine
+        if first.is_likely:
+            self._heading = None
         return line
 
-    def _time(self, stamp: Stamp | None) -> int | None:
-        """Nanoseconds that go on past midnight; None also where no capture holds such a time."""
-        return None if stamp is None else stamps.in_range(self._counted_on(stamp))
+    def _below(self, heading: Heading, line: LogLine, first: ByteRun, *, stamped: bool) -> None:
+        """Put a line without words below its heading."""
+        for run in line.runs:
+            run.mark = run.mark or heading.mark_at(line.text, run.start)
+            run.heading = "" if run.label else heading.label or " "
+        if not stamped:
+            goes_on = line.continues or (heading.takes(len(first.data)) and first.offset is None)
+            line.continues = heading.rows > 0 and goes_on
+            line.port, line.t_ns, line.fine = heading.port, heading.t_ns, heading.fine
+            self._heading = heading.above(len(first.data))
+
+    def _time(self, stamp: Stamp | None) -> tuple[int | None, bool]:
+        """Nanoseconds that go on past midnight, or None where no capture holds them; whether they go beyond seconds."""
+        return (None, False) if stamp is None else (stamps.in_range(self._counted_on(stamp)), stamp.fine)
 
     def _counted_on(self, stamp: Stamp) -> int:
         self.stamps.append(stamp)
+        self.zoneless = self.zoneless or not (stamp.of_day or stamp.zoned)
         t_ns = counted(stamp, self.experience.habits.width)
         if stamp.unnamed and self.experience.habits.days:
             t_ns = of_days(t_ns)
@@ -370,6 +380,7 @@ def _is_settled(run: ByteRun) -> bool:
     return is_whole(run) and not run.rivals
 
 
-def _are_rulers(line: LogLine) -> bool:
-    """Whether all that could be bytes are the numbers above columns: `Offset  0  1  2 …`."""
-    return bool(line.runs) and all(is_ruler(line.clean[run.start : run.end].split()) for run in line.runs)
+def _is_ruler(line: LogLine) -> bool:
+    """Whether all of a line, or all that could be bytes, are the numbers above columns: `Offset  0  1  2 …`."""
+    shown = [line.clean[run.start : run.end] for run in line.runs]
+    return is_ruler(line.clean.strip(" |\t").split()) or (bool(shown) and all(is_ruler(s.split()) for s in shown))

@@ -12,10 +12,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from datetime import tzinfo
-from itertools import islice
+from itertools import groupby, islice
+from math import inf
 from typing import Final
 
-from .candidates import Writing, halves, is_named_otherwise
+from .candidates import Writing, halves, is_named_otherwise, shortened
 from .choosing import MOST_JUDGED
 from .dumps import payload_of, with_repeats
 from .entries import ITEM, LETTER, OBJECT, NumberedLine, joined_lines, parts_of
@@ -236,7 +237,7 @@ def _safe_cut(lines: Sequence[LogLine]) -> int:
 def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadLine]:
     """What a line gives: its bytes, then what of it was not read."""
     chosen = [run for run in line.runs if run.taken]
-    text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
+    text = shortened(line.text, 200)
     for i, run in enumerate(chosen):
         repeats = bool(run.checked) and all(span.repeats for span in run.checked)
         yield Piece(
@@ -253,16 +254,17 @@ def _left_out(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
     """Why a line is not read whole, of which something is."""
     if line.problem is not None:
         yield line.problem
-    for i, run in enumerate(chosen):
-        if run.cut and not (i and chosen[i - 1].cut):
-            why = "omits bytes after the first {}" if i + 1 < len(chosen) else "shows the first {} bytes only"
+    for cut, same in groupby(chosen, lambda run: run.cut):
+        run = next(same)
+        if cut:
+            why = "shows the first {} bytes only" if run is chosen[-1] else "omits bytes after the first {}"
             yield f"the text {why.format(len(run.data))}"
-    beside = [run for run in line.runs if chosen and _is_left(run) and not _is_check_value(run, chosen)]
     if any(run.halved for run in chosen):
         yield halves(line.clean) or "half a byte"
-    elif line.problem is None and beside:
+    elif line.problem is None:
+        beside = [run for run in line.runs if chosen and _is_left(run) and not _is_check_value(run, chosen)]
         left = ", ".join(quoted(line.clean[run.start : run.end]) for run in beside)
-        yield f"{left} beside the bytes may also be bytes"
+        yield from [f"{left} beside the bytes may also be bytes"] * bool(left)
     for word in _spoilt(line, chosen):
         yield f"{quoted(word)} among the bytes is not a byte"
 
@@ -296,55 +298,48 @@ def _is_check_value(run: ByteRun, chosen: Sequence[ByteRun]) -> bool:
 
 def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
     """Why nothing of a line was read, and whether it does not look like bytes at all."""
-    reason = next((run.why for run in line.runs if run.why), None)
-    if reason is not None:
+    reason = next(filter(None, (run.why for run in line.runs)), None) or halves(line.clean)
+    if reason:
         return reason, False
-    if (half := halves(line.clean)) is not None:
-        return half, False
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
     shown = line.clean[run.start : run.end]
     few = len(run.data) < 3 or (_NUMBERS.fullmatch(shown) and (len(run.data) == 3 or experience.shapes))
-    other = (
-        shown.isalpha()
-        or run.shape == "base64"
-        or _ADDRESS.fullmatch(shown)
-        or is_named_otherwise(line.clean[: run.start])
-    )
-    if run.level is Writing.NUMBER and (few or other):
+    other = shown.isalpha() or run.shape == "base64" or _ADDRESS.fullmatch(shown)
+    if run.level is Writing.NUMBER and (few or other or is_named_otherwise(line.clean[: run.start])):
         return f"no bytes found in {quoted(line.text)}", True
     return f"{quoted(shown)} may be anything: no check value confirms that these are bytes", False
 
 
-def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:
-    """The same with pieces that continue one put together, up to about `limit` bytes each; one with a stamp of its own
-    continues none, but for a byte in a row of a table, at the same time.
+def joined(reads: Iterable[Piece | UnreadLine], limit: float = inf) -> Iterator[Piece | UnreadLine]:
+    """The same with pieces that continue one put together, up to about `limit` bytes each.
 
     Of a packet with its headers, what it carries.
     """
-    first: Piece | None = None
-    parts: list[bytes] = []
+    parts: list[Piece] = []
     size = 0
     for read in reads:
         if isinstance(read, UnreadLine):
             yield read
             continue
-        apart = first is not None and read.stamped and (len(read.data) > 1 or read.t_ns != first.t_ns)
-        if first is not None and read.continues and not apart and (limit is None or size < limit):
-            parts.append(read.data)
-            size += len(read.data)
-            continue
-        if first is not None:
-            yield _whole_read(first, parts)
-        first, parts, size = read, [read.data], len(read.data)
-    if first is not None:
-        yield _whole_read(first, parts)
+        if parts and not (size < limit and _goes_on(parts[0], read)):
+            yield _whole_read(parts)
+            parts, size = [], 0
+        parts.append(read)
+        size += len(read.data)
+    if parts:
+        yield _whole_read(parts)
 
 
-def _whole_read(first: Piece, parts: list[bytes]) -> Piece | UnreadLine:
-    data = first.data if len(parts) == 1 else b"".join(parts)
+def _goes_on(first: Piece, read: Piece) -> bool:
+    """Whether a piece is of the read of another. With a stamp of its own only a byte in a table's row, at its time."""
+    return read.continues and not (read.stamped and (len(read.data) > 1 or read.t_ns != first.t_ns))
+
+
+def _whole_read(parts: Sequence[Piece]) -> Piece | UnreadLine:
+    data, first = b"".join(part.data for part in parts), parts[0]
     payload = payload_of(data)
     if payload is None:
-        return first if len(parts) == 1 else replace(first, data=data)
+        return replace(first, data=data)
     if not payload.data:
         return UnreadLine(first.line, first.text, "a packet that carries nothing")
     return replace(first, data=payload.data, mark=first.mark or payload.mark, envelope="")

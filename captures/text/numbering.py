@@ -34,18 +34,17 @@ def leave_out_line_numbers(lines: Sequence[LogLine]) -> None:
     filled = (line for line in lines if line.clean.strip())
     for number, same in groupby(enumerate(filled), _counts_from):
         group = [line for _, line in same]
-        firsts = [(line, line.runs[0]) for line in group if line.runs]
-        pairs = [
-            (line, run)
-            for line, run in firsts
-            if run.shape == "pairs" and len(run.data) > 1 and not line.clean[: run.start].strip()
-        ]
-        behind = {run.checked[0].start for _, run in pairs if run.checked} == {1}
-        for line, run in pairs if number is not None and len(group) >= _COUNTING and behind else ():
+        firsts = [(line, run) for line in group for run in line.runs[:1] if _begins_with_pairs(line, run)]
+        behind = {run.checked[0].start for _, run in firsts if run.checked} == {1}
+        for line, run in firsts if number is not None and len(group) >= _COUNTING and behind else ():
             text = line.clean[run.start + 2 :]
             run.start += 2 + len(text) - len(text.lstrip())
             run.data = run.data[1:]
             run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
+
+
+def _begins_with_pairs(line: LogLine, run: ByteRun) -> bool:
+    return run.shape == "pairs" and len(run.data) > 1 and not line.clean[: run.start].strip()
 
 
 def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
@@ -53,21 +52,7 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
 
     They are offsets of all rows that begin at 00, if one goes on at the next.
     """
-    dumps: list[list[tuple[LogLine, ByteRun, int]]] = []
-    at = 0  # bytes of the newest; 0 behind other lines
-    for line in lines:
-        match = _SHORT_OFFSET.match(line.clean)
-        run = None if match is None else next((run for run in line.runs if run.end > match.end()), None)
-        if match is None or run is None:
-            at = at if line.quiet else 0
-            continue
-        if at not in {int(match[1], base) for base in ((10, 16) if match[1].isdigit() else (16,))}:
-            at = 0
-            continue
-        inside = int(run.start < match.end())  # `08: 60` as one run
-        dumps += [] if at else [[]]
-        dumps[-1].append((line, run, inside))
-        at += len(run.data) - inside
+    dumps = _short_dumps(lines)
     right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
     for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):
@@ -75,3 +60,27 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
             run.sure = len(rows) > 1
             line.runs = line.runs[line.runs.index(run) :]
             line.continues = i > 0
+
+
+def _short_dumps(lines: Sequence[LogLine]) -> list[list[tuple[LogLine, ByteRun, int]]]:
+    """Rows whose two digits go on from row to row, of each the run, and whether the digits are its first byte."""
+    dumps: list[list[tuple[LogLine, ByteRun, int]]] = []
+    at = 0  # bytes of the newest; 0 behind other lines
+    for line in lines:
+        match = _SHORT_OFFSET.match(line.clean)
+        run = next((run for run in line.runs if match is not None and run.end > match.end()), None)
+        if match is None or run is None:
+            at *= line.quiet
+        elif at not in _values(match[1]):
+            at = 0
+        else:
+            inside = int(run.start < match.end())  # `08: 60` as one run
+            dumps += [] if at else [[]]
+            dumps[-1].append((line, run, inside))
+            at += len(run.data) - inside
+    return dumps
+
+
+def _values(digits: str) -> set[int]:
+    """What an offset may be, in hex or in decimal."""
+    return {int(digits, base) for base in ((10, 16) if digits.isdigit() else (16,))}

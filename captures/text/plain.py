@@ -8,10 +8,9 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from .candidates import LOOK_ALIKE, TYPED
+from .candidates import LOOK_ALIKE, TYPED, shortened
 
 _OTHER_DIGIT: Final = re.compile(r"(?![0-9])\d")  # of another script
-_ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 # What is typed as something else than the plain characters that it means, or is markup around them.
 _PLAIN: Final = str.maketrans(
     {chr(0xFF01 + i): chr(0x21 + i) for i in range(94)}
@@ -28,9 +27,6 @@ _SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0
 _SOME: Final = 3  # numbers that make a list, or a frame
 _ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
 _ESCAPE: Final = re.compile(r"\\(.)")
-_PRINTABLE: Final = re.compile(  # of a mail: the sign itself, and blanks at an end; behind a name it is a value
-    r"(?<!\w)=3D|=3D(?![\s;,)\]]|h\b|$)|(?<![G-Zg-z_][A-Za-z])(?<![G-Zg-z_][A-Za-z]{2})(?<![G-Zg-z_])=(?:20|09)(?=\s*$)"
-)
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 
 
@@ -49,6 +45,12 @@ def _rewrites(*rows: tuple[str, str, str | Callable[[re.Match[str]], str]]) -> t
     return tuple(_Rewrite(sign, re.compile(pattern), put) for sign, pattern, put in rows)
 
 
+_COLOURS: Final = _rewrites(("\x1b", r"\x1b\[[0-9;?]*[A-Za-z]", ""))
+_PRINTABLE: Final = _rewrites(  # of a mail: the sign itself, and blanks at an end; behind a name it is a value
+    ("=",
+     r"(?<!\w)=3D|=3D(?![\s;,)\]]|h\b|$)|(?<![G-Zg-z_][A-Za-z])(?<![G-Zg-z_][A-Za-z]{2})(?<![G-Zg-z_])=(?:20|09)(?=\s*$)",
+     lambda match: chr(int(match[0][1:], 16)))
+)  # fmt: skip
 _BLOCK: Final = r"(?i:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+"
 _TAGS: Final = _rewrites(("<", _BLOCK + "$", ""), ("<", _BLOCK, " | "))
 _REWRITES: Final = _rewrites(
@@ -85,9 +87,7 @@ def plain(line: str) -> str:
 
 @lru_cache(maxsize=2048)  # a text's beginning is read again, once it is known what it is like
 def _plain(line: str) -> str:
-    text = line.rstrip("\r\n")
-    if "\x1b" in text:
-        text = _ANSI.sub("", text)
+    text = _rewritten(line.rstrip("\r\n"), _COLOURS)
     if not text.isascii() or "\x00" in text:
         text = _OTHER_DIGIT.sub(lambda match: str(int(match[0])), text.translate(_PLAIN))
     if "<" in text and len(_OCTET.findall(text)) < _SOME:  # <DD> is a tag as well
@@ -99,7 +99,7 @@ def _plain(line: str) -> str:
         text = text.replace("\\\\", "\\")
     if "\\" in text and set(_ESCAPE.findall(text)) <= _OF_WORDS:
         text = text.replace("\\n", "  ").replace("\\r", "  ").replace("\\t", "  ")
-    return _PRINTABLE.sub(lambda match: chr(int(match[0][1:], 16)), text) if "=" in text else text
+    return _rewritten(text, _PRINTABLE)
 
 
 def _rewritten(text: str, rows: tuple[_Rewrite, ...]) -> str:
@@ -111,5 +111,4 @@ def _rewritten(text: str, rows: tuple[_Rewrite, ...]) -> str:
 
 def quoted(text: str) -> str:
     """A line as a message quotes it."""
-    text = text.strip()
-    return repr(text if len(text) <= 60 else text[:57] + "...")
+    return repr(shortened(text.strip(), 60))

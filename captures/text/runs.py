@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Final
 
 from ..checked import Checked
@@ -14,7 +16,7 @@ from .writings import LOOK_ALIKES
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
 FLOORS: Final = (-8.0, -20.0, -32.0, -44.0)  # of plain bytes, likely ones, lists of decimals, numbers with a meaning
 _PATIENCE: Final = {  # how many places are searched in vain
-    "digits run together": 49,  # lines
+    "digits run together": 2000,  # ways to part them
     "pieces": 600,  # behind the same words
     "columns": 3000,  # rows of numbers
 }
@@ -58,6 +60,11 @@ class ByteRun:
     looks: float = 0.0  # bits that it has for its looks; none, where something else than they had it taken
 
     @property
+    def is_likely(self) -> bool:
+        """Whether it looks like bytes, or is some."""
+        return bool(self.level or self.checked)
+
+    @property
     def build(self) -> str:
         """Its shape, and how wide its words are."""
         return f"{self.shape} of {self.width}" if self.width else self.shape
@@ -68,10 +75,7 @@ class ByteRun:
 
     def __copy__(self) -> ByteRun:
         """As `copy` would, in a fifth of the time: a text repeats its lines."""
-        other = object.__new__(ByteRun)
-        for name in ByteRun.__slots__:
-            setattr(other, name, getattr(self, name))
-        return other
+        return ByteRun(*_FIELDS_OF(self))
 
     def accept(self, reading: HexWindow | ByteRun) -> None:
         """It is bytes, read so, whatever it looks like."""
@@ -85,6 +89,9 @@ class ByteRun:
             if abs(candidate.end - self.end) < 2:
                 readings.setdefault(candidate.shape, candidate)
         return readings
+
+
+_FIELDS_OF: Final = attrgetter(*ByteRun.__slots__)
 
 
 @dataclass(slots=True)
@@ -101,6 +108,9 @@ class LabelRecord:
     growing: bool = False  # they are buffers that are shown at each arrival
     voice: bool = False  # they say what none above them has said
     doubled: bool = False  # their lines each stand there several times
+
+
+_UNMET: Final = LabelRecord()
 
 
 class Patience:
@@ -134,7 +144,7 @@ class Experience:
     shapes: set[str] = field(default_factory=set)
     builds: set[str] = field(default_factory=set)
     # by labels and writings; `taught`: how many of these records know of something right
-    records: dict[tuple[str, str], LabelRecord] = field(default_factory=dict)
+    records: defaultdict[tuple[str, str], LabelRecord] = field(default_factory=lambda: defaultdict(LabelRecord))
     taught: int = 0
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and writings of two reports of the same bytes
     tails: bool = False  # check values stand apart from their frames
@@ -147,10 +157,7 @@ class Experience:
 
     def of(self, label: str, shape: str) -> LabelRecord:
         """The record of runs behind a label in a shape."""
-        record = self.records.get((label, shape))
-        if record is None:
-            record = self.records[label, shape] = LabelRecord()
-        return record
+        return self.records[label, shape]
 
     def note(self, run: ByteRun) -> None:
         """One more run."""
@@ -184,8 +191,8 @@ class Experience:
 
     def trust(self, label: str, shape: str, *, direct: bool) -> int:
         """How often what stands behind this label, or mark, in this shape was right; 0 where it mostly was not."""
-        keys = ((name, shape) for name in ((label, _MARKED) if direct else (label,)))
-        records = [record for key in keys if (record := self.records.get(key)) is not None]
+        names = (label, _MARKED) if direct else (label,)
+        records = (self.records.get((name, shape), _UNMET) for name in names)
         return max((record.right for record in records if 4 * record.right >= record.met), default=0)
 
 

@@ -66,16 +66,15 @@ def _may_be_frames(pieces: Sequence[_SeriesPiece]) -> bool:
 def _series(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[_SeriesPiece]]:
     series: dict[tuple[str, str], list[_SeriesPiece]] = defaultdict(list)
     for line in lines:
-        seen: set[tuple[str, str]] = set()
+        firsts: dict[tuple[str, str], _SeriesPiece] = {}
         for run in line.runs:
             if not run.label or run.why is not None or len(run.data) > _LONGEST:
                 continue
             readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
             for reading in readings:
-                key = run.label, reading.shape
-                if key not in seen:
-                    seen.add(key)
-                    series[key].append(_SeriesPiece(run, reading))
+                firsts.setdefault((run.label, reading.shape), _SeriesPiece(run, reading))
+        for key, piece in firsts.items():
+            series[key].append(piece)
     return series
 
 
@@ -98,7 +97,7 @@ def settle_tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experie
     for line in lines:
         if line.number - since > _TAIL_LINES:
             open_runs = []
-        for run in line.runs if len(line.runs) == 1 else sorted(line.runs, key=lambda run: run.shape != shape):
+        for run in sorted(line.runs, key=lambda run: run.shape != shape):
             begun = open_runs if run.taken or not is_computed(run, line) else []
             if run.checked or _completes(run, begun, judge, experience):
                 open_runs = [] if run.taken else open_runs

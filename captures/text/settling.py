@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-from .candidates import shows
+from ..checked import Checked
+from .candidates import HexWindow, shows
 from .choosing import MOST_JUDGED
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
 from .copies import leave_out_buffers, settle_copies
 from .judging import ByteJudge, unturned
 from .loglines import LogLine
-from .numbering import (
-    leave_out_line_numbers,
-    leave_out_short_offsets,
-)
+from .numbering import leave_out_line_numbers, leave_out_short_offsets
 from .runs import ByteRun, Experience, covered, is_whole
 from .series import settle_series, settle_tails
 from .weighing import leave_out_unsupported, propose, single_byte
@@ -59,7 +57,7 @@ def only_bytes(lines: Sequence[LogLine]) -> bool:
 def _blocks(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Runs that fill lines one below the other, read in another way where that makes right what is not."""
     block: list[tuple[LogLine, ByteRun]] = []
-    for line in (line for line in lines if block or line.runs):
+    for line in lines:
         if block and line.runs and _goes_on(line) and len(block) < MOST_ROWS:
             block.append((line, line.runs[0]))
             if len(line.runs) == 1 and line.ends_with(line.runs[0]):
@@ -84,28 +82,36 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
 
     Where some are right alone, the rest of a frame may stand in those beside them.
     """
-    alone = sum(covered(run.checked) for _, run in block)
-    if len(block) < 2 or (alone and all(is_whole(run) for _, run in block if run.checked)):
+    right = [run for _, run in block if run.checked]
+    alone = sum(covered(run.checked) for run in right)
+    if len(block) < 2 or (right and all(map(is_whole, right))):
         return
     readings = [run.readings() for _, run in block]
     for shape in readings[0]:
-        if not all(shape in reading for reading in readings):
-            continue
-        data = b"".join(reading[shape].data for reading in readings)
-        checked = judge(data) if len(data) <= MOST_JUDGED else ()
-        if covered(checked) <= alone or 2 * covered(checked) < len(data):
-            continue
-        at = 0
-        for (line, run), reading in zip(block, readings, strict=True):
-            if at >= checked[-1].end:
-                break  # words behind the array that begin with a number
-            run.accept(reading[shape])
+        rows = [reading[shape] for reading in readings if shape in reading]
+        data = b"".join(row.data for row in rows)
+        checked = judge(data) if len(rows) == len(block) and len(data) <= MOST_JUDGED else ()
+        if covered(checked) > alone and 2 * covered(checked) >= len(data):
+            _accept(block, rows, checked, experience)
+            return
+
+
+def _accept(
+    block: list[tuple[LogLine, ByteRun]],
+    readings: Sequence[ByteRun | HexWindow],
+    checked: Sequence[Checked],
+    experience: Experience,
+) -> None:
+    """Read runs so, as far as they are of frames; words behind the array may begin with a number."""
+    at = 0
+    for (line, run), reading in zip(block, readings, strict=True):
+        if at < checked[-1].end:
+            run.accept(reading)
             line.continues = line.continues or any(span.start < at < span.end for span in checked)
             at += len(run.data)
             experience.confirm(run)
-        experience.builds.update(run.build for _, run in block)
-        block[0][1].checked = checked
-        return
+    experience.builds.update(run.build for _, run in block)
+    block[0][1].checked = checked
 
 
 def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
@@ -115,18 +121,17 @@ def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
     """
     dump: list[ByteRun] = []
     for line in lines:
-        row = line.runs[0] if line.runs else None
-        goes_on = line.continues and row is not None and bool(dump)
-        if goes_on and row is not None and row.offset is not None:
+        row = line.runs[0] if dump and line.continues and line.runs else None  # of the dump above
+        if row is not None and row.offset is not None:
             row.accept(row.readings().get(dump[0].shape, row))
         for run in line.runs:
             if run.padded:
                 run.data, run.padded = run.data[:-1], False
-        if goes_on and row is not None and row.taken:
+        if row is not None and row.taken:
             dump.append(row)
             continue
         _check_dump(dump, judge)
-        dump = [line.runs[-1]] if row is not None and line.runs[-1].taken else []
+        dump = [run for run in line.runs[-1:] if run.taken]
     _check_dump(dump, judge)
 
 
@@ -139,10 +144,10 @@ def _check_dump(rows: Sequence[ByteRun], judge: ByteJudge) -> None:
 def _ends_of_arrays(lines: Sequence[LogLine]) -> None:
     """The rest of an array behind a comma, or of a dump below a full row, which is too short to speak for itself."""
     for one, below in pairwise(lines):
-        if not one.runs or not below.runs or not one.runs[-1].taken or below.runs[0].taken:
+        if not one.runs or not below.runs or below.number - one.number > 1:
             continue
         above, run = one.runs[-1], below.runs[0]
-        if below.number - one.number > 1 or above.checked or not below.begins_with(run):
+        if run.taken or not above.taken or above.checked or not below.begins_with(run):
             continue
         behind = below.clean[run.end :].strip(" \t|")
         row = len(above.data) in _ROWS and above.start == run.start and (not behind or shows(run.data, behind))

@@ -96,10 +96,10 @@ def _count(text: str) -> Found:
 def _first(forms: Iterable[TimeForm], text: str, zone: tzinfo | None = None) -> Found:
     """The time of the first of these forms that a line has."""
     for form in forms:
-        match = form.pattern.search(text) if form.sign in text else None
-        stamp = None if match is None else _stamp(match, form, zone)
-        if match is not None and stamp is not None:
-            return stamp, _blanked(text, match)
+        if form.sign in text and (match := form.pattern.search(text)) is not None:
+            stamp = _stamp(match, form, zone)
+            if stamp is not None:
+                return stamp, _blanked(text, match)
     return None, text
 
 
@@ -113,7 +113,7 @@ def _clocks(text: str, stamp: Stamp | None, zone: tzinfo | None) -> Found:
             if match.end() + _CLOCK_TAIL > limit and match.start() > likely.start():
                 break  # another, which is looked at whole below
             end = max(end, match.end())
-            if (clock := _of_clock(match.groupdict(), _OF_DAY, zone)) is not None:
+            if (clock := _of_clock(match.groupdict(""), _OF_DAY, zone)) is not None:
                 stamp = clock if stamp is None or stamp.counter else _finer(stamp, clock)
                 text = _blanked(text, match)
         likely = LIKELY_CLOCK.search(text, end)
@@ -128,18 +128,16 @@ def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
     return replace(stamp, t_ns=stamp.t_ns + fraction, fine=True)
 
 
-Parts = dict[str, str | None]  # of a time, by the names of groups
+Parts = dict[str, str]  # of a time, by the names of groups; empty where it has none
 
 
 def _stamp(match: re.Match[str], form: TimeForm, zone: tzinfo | None) -> Stamp | None:
-    parts: Parts = match.groupdict()
+    parts: Parts = match.groupdict("")
     if form.form.of_day:
         return _of_clock(parts, form.form, zone)
-    digits = parts.get("f") or parts.get("more") or ""
-    size, whole = form.unit or SECOND_NS, _seconds(parts)
-    if parts.get("n"):
-        size = form.unit or UNIT_NS[(parts["unit"] or "").lower()]
-        whole = int(parts["n"] or 0)
+    digits = parts.get("f") or parts.get("more", "")
+    size = form.unit or UNIT_NS[parts["unit"].lower()]
+    whole = int(parts["n"]) if "n" in parts else _seconds(parts)
     t_ns = whole * size + _fraction(digits, size)
     return replace(
         form.form,
@@ -162,16 +160,17 @@ def _fraction(digits: str, unit_ns: int = SECOND_NS) -> int:
 
 def _of_clock(parts: Parts, form: Stamp, zone: tzinfo | None) -> Stamp | None:
     """A clock, with its date where it has one; None where a part is out of range."""
-    half, hour = parts.get("half"), int(parts["h"] or 0)
-    if hour > 23 or int(parts["mi"] or 0) > 59 or int(parts["s"] or 0) > 60:
+    half = parts.get("half", "")
+    hour, minute, second = (int(parts[name] or 0) for name in ("h", "mi", "s"))
+    if hour > 23 or minute > 59 or second > 60:
         return None
     if half:
-        hour = hour % 12 + (12 if half in "Pp" else 0)
-    told = parts.get("f") or ""
-    digits = told or next((digits for name in FRACTIONS if (digits := parts.get(name))), "")
+        hour = hour % 12 + 12 * (half in "Pp")
+    told = parts.get("f", "")
+    digits = told or next(filter(None, map(parts.get, FRACTIONS)), "")
     digits = (digits.zfill(6) if parts.get("us") else digits).replace(",", "").replace(".", "")
-    t_ns = _seconds({**parts, "h": str(hour)}) * SECOND_NS + _fraction(digits)
-    date = _date(parts, american=bool(half))
+    t_ns = ((hour * 60 + minute) * 60 + second) * SECOND_NS + _fraction(digits)
+    date = _date(parts, american=half != "")
     try:
         midnight = 0 if date is None else _midnight(*date, parts.get("zone"), zone, hour)
     except (ValueError, OverflowError):
@@ -189,11 +188,9 @@ def _of_clock(parts: Parts, form: Stamp, zone: tzinfo | None) -> Stamp | None:
 def _date(parts: Parts, *, american: bool) -> tuple[int, int, int] | None:
     """Year, month and day; None where the text has no date, or one without a year."""
     end = next((end for end in DATES if parts.get(f"mo{end}")), None)
-    if end is None:
+    if end is None or not (year := parts[f"y{end}"] or parts["y7"]):
         return None
-    year, month, day = parts[f"y{end}"] or parts["y7"], parts[f"mo{end}"] or "", int(parts[f"d{end}"] or 0)
-    if year is None:
-        return None
+    month, day = parts[f"mo{end}"], int(parts[f"d{end}"])
     number = MONTHS[month[:3].lower()] if month[:1].isalpha() else int(month)
     by = parts.get("by")
     if end == "2" and (number > 12 >= day or (american and by == "/" and day <= 12)):

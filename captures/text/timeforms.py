@@ -104,9 +104,10 @@ AT_BEGIN: Final = _forms(
     (",", _CELLED + _COMMA, 0, _COUNT),
     (".", rf"{_ROW}{_SIGN}(?P<n>\d{{1,10}})\.(?P<f>\d{{6}}(?:\d{{3}})?) ?{_END}", SECOND_NS, _BARE),
     # since some start: `12:48.958`, `0d 0h 12m 3.456s`
-    (":", _LEAD + r"(?P<mi>\d{1,3}):(?P<s>[0-5]\d)(?:\.|,(?=\d+[;\t]))(?P<f>\d{1,6})(?=[\s\]):,;>|\"'])", 0, _COUNT),
+    (":", _LEAD + r"(?P<mi>\d{1,3}):(?P<s>[0-5]\d)(?:\.|,(?=\d+[;\t]))(?P<f>\d{1,6})(?=[\s\]):,;>|\"'])", SECOND_NS,
+     _COUNT),
     ("", _LEAD + r"(?:(?P<days>\d{1,5})d ?)?(?:(?P<h>\d{1,5})h ?)?(?P<mi>\d{1,5})m ?(?P<s>\d{1,5})(?:\.(?P<f>\d{1,9}))?"
-     r"s(?=[\s\]):,;>|]|$)", 0, _COUNT),
+     r"s(?=[\s\]):,;>|]|$)", SECOND_NS, _COUNT),
     # milliseconds since a microcontroller began, or a program, as their logs write them
     ("[", r"^\s*(?P<n>\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b", _MS, _COUNT),
     ("", r"^\s*(?:\[[A-Z]\] ?|[EWIDV] \()(?P<n>\d{1,19})(?:\||\)(?= ))", _MS, _COUNT),
@@ -135,7 +136,7 @@ KEYED: Final = _forms(  # in JSON, YAML and logfmt
 ANYWHERE: Final = _forms(  # never of an even number of digits, as bytes in hex have
     # `1:10:01:48.958`: days, hours, minutes and seconds since some start
     (":", r"(?<![\w:.])(?P<days>\d{1,3}):(?P<h>[0-2]\d):(?P<mi>[0-5]\d):(?P<s>[0-5]\d)\.(?P<f>\d{1,6})(?![\w.])",
-     0, _COUNT),
+     SECOND_NS, _COUNT),
     ("[", r"(?<=[:\s]\[)\s*(?P<n>\d{1,7})\.(?P<f>\d{6})\](?=\s)", SECOND_NS, _BARE),  # of a kernel
     # behind the text, as the loggers of JavaScript write it
     ("+", rf"(?<=\s)(?P<sign>\+)(?P<n>\d{{1,9}})(?:\.(?P<f>\d{{1,9}}))? ?{_UNIT}\s*$", 0, _COUNT),

@@ -65,9 +65,9 @@ class NumberToken(NamedTuple):
 def _token(match: re.Match[str]) -> NumberToken:
     if match["char"] is not None:
         return NumberToken(*match.span(), "", False, unescape(match["char"]), octet=True)
-    plain, signed = match["plain"], match["signed"]
-    digits = plain or signed or ""
-    number = int(plain) if plain and plain.removeprefix("-").isdigit() and len(plain) <= _WIDEST else _NO_BYTE
+    signed, plain = match["signed"], match["plain"] or ""
+    digits = plain or signed
+    number = int(plain) if len(plain) <= _WIDEST and plain.removeprefix("-").isdigit() else _NO_BYTE
     decimal = bytes((number & 0xFF,)) if -129 < number < 256 else b""
     return NumberToken(*match.span(), digits, signed is not None, _in_hex(digits), decimal)
 
@@ -76,10 +76,12 @@ def _in_hex(digits: str) -> bytes:
     return b"" if digits[0] == "-" or len(digits) == 3 else bytes.fromhex("0" * (len(digits) % 2) + digits)
 
 
-def cell_of(line: LogLine, i: int, reading: str) -> NumberToken | None:
-    """One of the numbers of a line, counted from either end; None where there are not so many."""
-    tokens = tokens_of(line, reading)
-    return tokens[i] if -len(tokens) <= i < len(tokens) else None
+_NO_NUMBER: Final = NumberToken(0, 0, "", signed=False, hexadecimal=b"")
+
+
+def nth(tokens: Sequence[NumberToken], i: int) -> NumberToken:
+    """One of some numbers, counted from either end; one that is no bytes where there are not so many."""
+    return tokens[i] if -len(tokens) <= i < len(tokens) else _NO_NUMBER
 
 
 def tokens_of(line: LogLine, reading: str = "") -> Sequence[NumberToken]:
@@ -93,19 +95,13 @@ def _joined_in(text: str, tokens: Sequence[NumberToken]) -> Sequence[NumberToken
     """`Starting address: 00 6B`: bytes beside one another as one number."""
     joined: list[NumberToken] = []
     for token in tokens:
-        before = joined[-1] if joined else None
-        if (
-            before is not None
-            and before.signed == token.signed
-            and len(token.digits) == 2
-            and len(before.digits) % 2 == 0
-            and text[before.end : token.start] in _BETWEEN
-            and token.hexadecimal
-        ):
+        before = joined[-1] if joined else token
+        beside = len(token.digits) == 2 and text[before.end : token.start] in _BETWEEN and token.hexadecimal
+        if beside and before.signed == token.signed and len(before.digits) % 2 == 0:
             digits = before.digits + token.digits
-            joined[-1] = NumberToken(before.start, token.end, digits, before.signed, _in_hex(digits))
-        else:
-            joined.append(token)
+            token = NumberToken(before.start, token.end, digits, before.signed, _in_hex(digits))
+            joined.pop()
+        joined.append(token)
     return joined
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import Enum, auto
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 NONE, TX, RX = 0, 1, 2
@@ -125,8 +126,7 @@ def _named_speakers(text: str) -> LineMark | None:
 def _speaker(text: str) -> LineMark | None:
     """Whose bytes they are, or to whom they go."""
     speaks = _SPEAKS.search(text)
-    kind = NONE if speaks is None else _SPEAKERS.get(speaks["who"].lower(), NONE)
-    if speaks is None or not kind:
+    if speaks is None or not (kind := _SPEAKERS.get(speaks["who"].lower(), NONE)):
         return None
     return LineMark(*speaks.span(), _OTHER[kind] if speaks["way"][0] in "<←" else kind)
 
@@ -156,17 +156,14 @@ def _is_method(text: str, start: int, end: int) -> bool:
 def _of_word(word: str, *, signed: bool) -> int:
     plain = word.lower()
     kind = _MARK_OF.get(plain, NONE) or (_SIGNED.get(plain, NONE) if signed else NONE)
-    if word.isascii():
-        if not kind and (carried := _CARRIED.fullmatch(plain)) is not None:
-            return _of_word(carried["way"] or carried["done"], signed=signed)
-        return kind
     if kind:
         return kind
-    last, kind = -1, NONE
-    for part, mark in _PART_OF.items():
-        if (at := word.rfind(part)) > last and _NAMED.match(word, at + len(part)) is None:
-            last, kind = at, mark
-    return kind
+    if word.isascii():
+        carried = _CARRIED.fullmatch(plain)
+        return NONE if carried is None else _of_word(carried["way"] or carried["done"], signed=signed)
+    parts = ((word.rfind(part), len(part), mark) for part, mark in _PART_OF.items())
+    found = [(at, mark) for at, size, mark in parts if at >= 0 and _NAMED.match(word, at + size) is None]
+    return max(found, key=itemgetter(0), default=(0, NONE))[1]
 
 
 def _of_speaker(word: str) -> int:
@@ -209,10 +206,10 @@ class Shape:
     mark: int = NONE
 
 
-MARK_WORDS = {">": TX, ">>>": TX, "tx": TX, "send": TX, "write": TX, "written": TX, "irp_mj_write": TX}
-MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_read": RX}
-MARK_WORDS |= {"s bo": TX, "c bi": RX}
-MARK_WORDS |= {"processing": RX, "handling data": RX, "unexpected data": RX}
+MARK_WORDS: Final = {  # of tools' own layouts
+    **_MARK_OF, **_SIGNED, ">": TX, "irp_mj_write": TX, "s bo": TX, "<": RX, "irp_mj_read": RX, "c bi": RX,
+    "processing": RX, "handling data": RX, "unexpected data": RX,
+}  # fmt: skip
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
 
 _LAYOUTS: Final = (

@@ -80,7 +80,7 @@ class LinesAround:
     @cached_property
     def below(self) -> dict[int, LogLine]:
         """The next line that shows what looks like bytes, by the numbers of lines."""
-        shown = (line for line in self._lines if any(run.level or run.checked for run in line.runs))
+        shown = (line for line in self._lines if any(run.is_likely for run in line.runs))
         return {one.number: other for one, other in pairwise(shown)}
 
 
@@ -111,26 +111,24 @@ def _is_record(text: str) -> bool:
         record = bytes.fromhex(text[1:])
     except ValueError:
         return False
-    if len(record) < _RECORD_AROUND or sum(record) & 0xFF:
-        return False
-    return record[0] == len(record) - _RECORD_AROUND and record[3] < _RECORD_TYPES
+    fits = len(record) >= _RECORD_AROUND and record[0] == len(record) - _RECORD_AROUND
+    return fits and sum(record) & 0xFF == 0 and record[3] < _RECORD_TYPES
 
 
 class SeenRun(NamedTuple):
-    """A run in its line, what has been learnt of the text, the runs before and behind it, and the lines around."""
+    """A run in its line, what has been learnt of the text, the lines around, and the run before it."""
 
     run: ByteRun
     line: LogLine
     learnt: Experience
     around: LinesAround
     before: ByteRun | None = None
-    behind: ByteRun | None = None
 
     @property
     def between(self) -> str:
         """The characters between the run before, which is bytes, and this one."""
-        taken = self.before is not None and self.before.taken
-        return self.line.clean[self.before.end : self.run.start] if taken and self.before is not None else ""
+        before = self.before
+        return self.line.clean[before.end : self.run.start] if before is not None and before.taken else ""
 
     @property
     def shown(self) -> str:
@@ -207,9 +205,9 @@ def _is_instead(span: SeenRun) -> bool:
 def _is_size(span: SeenRun) -> bool:
     """`WRITE: 8B` above eight bytes says how many they are."""
     below = span.around.below.get(span.line.number)
-    if below is None or span.behind is not None or span.shown[-1:] not in ("B", "b"):
+    if below is None or span.run is not span.line.runs[-1]:
         return False
-    size = sum(len(run.data) for run in below.runs if run.level or run.checked)
+    size = sum(len(run.data) for run in below.runs if run.is_likely)
     return size > 1 and span.shown.upper() == f"{size}B"
 
 
@@ -277,8 +275,8 @@ def propose(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) 
     """Take what looks better than the floor of its text."""
     around = LinesAround(lines, judge)
     for line in lines:
-        for before, run, behind in zip((None, *line.runs), line.runs, (*line.runs[1:], None), strict=False):
-            seen = SeenRun(run, line, experience, around, before, behind)
+        for before, run in zip((None, *line.runs), line.runs, strict=False):
+            seen = SeenRun(run, line, experience, around, before)
             row, reading = next((row, held) for row in LOOKS if (held := row.holds(seen)))
             if not isinstance(reading, bool):
                 run.take(reading)
@@ -295,15 +293,17 @@ def leave_out_unsupported(lines: Sequence[LogLine], judge: ByteJudge, experience
     around = LinesAround(lines, judge)
     bits = [max(_bits(SeenRun(run, line, experience, around)) for line, run in group) for group in groups]
     experience.plainest = max((experience.plainest, *bits))
-    least = experience.floor
-    if experience.builds:
-        least += _SUPPORTED[0]
-    elif experience.plainest > experience.floor + _SUPPORTED[0]:
-        least += _SUPPORTED[1]
+    least = experience.floor + _asked_of(experience)
     for group, weight in zip(groups, bits, strict=True):
         if weight <= least and not _is_announced(group, judge):
             for line, run in group:
                 run.taken = line.continues = False
+
+
+def _asked_of(experience: Experience) -> float:
+    """How much above its floor a run of a text has to be."""
+    right, plainer = _SUPPORTED
+    return right if experience.builds else plainer * (experience.plainest > experience.floor + right)
 
 
 def _is_announced(group: Sequence[tuple[LogLine, ByteRun]], judge: ByteJudge) -> bool:
@@ -336,11 +336,8 @@ def reads_of(lines: Sequence[LogLine]) -> Iterator[list[tuple[LogLine, ByteRun]]
 
 def _written_alike(read: list[tuple[LogLine, ByteRun]]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
     """A read in parts of which each is written alike; the last row of a dump may be short."""
-    begins = [
-        i
-        for i, ((_, above), (_, run)) in enumerate(pairwise(read), 1)
-        if above.build != run.build and not run.checked and run.offset is None
-    ]
+    rows = enumerate(pairwise([run for _, run in read]), 1)
+    begins = [i for i, (above, run) in rows if above.build != run.build and not run.checked and run.offset is None]
     return (read[first:last] for first, last in pairwise([0, *begins, len(read)]))
 
 

@@ -8,6 +8,7 @@ wide the lines are that were put together is learnt: others as wide, whose frame
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import accumulate, islice
@@ -30,7 +31,10 @@ _PATIENCE: Final = 40  # breaks in vain
 _LONG_CHAIN: Final = 8  # lines
 _NARROW: Final = 24  # columns: no window is narrower
 _LONGER: Final = 8  # characters that a line may have more than the first
-_SLACK: Final = 12  # columns that a word at a break may leave empty
+_AS_WIDE: Final = {  # by what is put between: how much wider than those before lines that were one may be
+    "": range(1),
+    " ": range(-11, 2 * _MOST),  # columns that a word at a break may leave empty
+}
 
 
 class Unwrapper:
@@ -38,7 +42,7 @@ class Unwrapper:
 
     def __init__(self, runs: Runs) -> None:
         self._runs = runs
-        self._widths: dict[str, int] = {}  # of lines that were put together, by what is put between
+        self._widths = dict.fromkeys(_AS_WIDE, -4 * _MOST)  # of lines that were put together; of none yet
         self._waited = 0  # breaks in vain
 
     def lines(self, lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
@@ -66,7 +70,7 @@ class Unwrapper:
     def _chain(self, ahead: deque[NumberedLine], source: Iterator[NumberedLine]) -> int:
         """How many lines from the first on may be one: each begins with bytes where that above ends with them."""
         first = ahead[0][1]
-        if not _NARROW <= len(first) <= _MOST or not _ENDS.search(first.rstrip()):
+        if not _NARROW <= len(first) <= _MOST:
             return 1
         count, size = 1, len(first)
         while count < _MOST_LINES and size < _MOST:
@@ -75,9 +79,9 @@ class Unwrapper:
             if count == len(ahead):
                 break
             above, text = ahead[count - 1][1], ahead[count][1]
-            if len(text) > len(first) + _LONGER or not _BEGINS.match(text) or stamps.find(text)[0] is not None:
+            if len(text) > len(first) + _LONGER or not _BEGINS.match(text) or not _ENDS.search(above.rstrip()):
                 break
-            if not _ENDS.search(above.rstrip()) or (count == 1 and self._is_settled(plain(first))):
+            if stamps.find(text)[0] is not None or (count == 1 and self._is_settled(plain(first))):
                 break
             count, size = count + 1, size + len(text)
         return count
@@ -93,25 +97,19 @@ class Unwrapper:
         """The lines as one, and how many of them, if that reads more than each alone."""
         texts = _unframed(texts)
         alone = sum(covered(run.checked) for text in texts for run in self._runs(text))
-        for between in ("", " "):
-            parts = [texts[0].rstrip() if between else texts[0]]
-            for text in texts[1:]:
-                part = text.strip(_MARGIN) if between else text
-                parts.append(between + part)
+        words = [texts[0].rstrip(), *(" " + text.strip(_MARGIN) for text in texts[1:])]
+        for between, parts in (("", texts), (" ", words)):
             seams = [*accumulate(map(len, parts))]
             runs = self._runs("".join(parts))
             run = next((run for run in runs if run.start < seams[0] < run.end), None)
             if run is None:
                 continue
-            count = next(k for k, seam in enumerate(seams, 1) if run.end <= seam)
-            known = self._widths.get(between)
-            width = len(parts[0])
-            fits = known is not None and (width == known if not between else width + _SLACK > known)
+            width, known = seams[0], self._widths[between]
             more = sum(covered(run.checked) for run in runs) > alone and self._crosses(run, parts)
-            if not (more or fits):
-                continue
-            self._widths[between] = max(width, known or 0) if between else width
-            return "".join(parts[:count]), count
+            if more or width - known in _AS_WIDE[between]:
+                self._widths[between] = max(width, known) if between else width
+                count = bisect_left(seams, run.end) + 1
+                return "".join(parts[:count]), count
         return None
 
     def _crosses(self, run: ByteRun, parts: Sequence[str]) -> bool:
