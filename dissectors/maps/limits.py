@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from ..limits import EXCEPTION, OVERHEAD
-from .model import MapArea, MappedValue, RegisterMap, read_mapped
+from .model import BIT_AREAS, MapArea, MappedValue, RegisterMap, read_mapped
 
 WRITERS: Final = frozenset({5, 6, 15, 16, 22, 23})
 """Functions that write coils or registers ([1] 6.5, 6.6, 6.11, 6.12, 6.16, 6.17)."""
@@ -56,7 +56,7 @@ class MapRequest:
     @property
     def longer_frame(self) -> int:
         """Bytes of the longer ADU of request and answer ([1] 6.1 to 6.12)."""
-        octets = (self.quantity + 7) // 8 if self.area in ("coil", "discrete") else 2 * self.quantity
+        octets = (self.quantity + 7) // 8 if self.area in BIT_AREAS else 2 * self.quantity
         written = _COUNTED.get(self.function)
         head = _ANSWER_HEAD if written is None else written
         return OVERHEAD + max(_FIXED_PDU, (head + octets) * (head > 0))

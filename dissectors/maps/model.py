@@ -29,6 +29,9 @@ AREA_WORDS: Final[Mapping[str, MapArea]] = MappingProxyType(
     }
 )
 """Words that people write for an area."""
+BIT_AREAS: Final = frozenset({"coil", "discrete"})
+READ_ONLY_AREAS: Final = frozenset({"input", "discrete"})
+"""What holds bits, and what nobody can write."""
 READ_FUNCTIONS: Final[Mapping[MapArea, int]] = MappingProxyType({"coil": 1, "discrete": 2, "holding": 3, "input": 4})
 DIGIT_OF_AREA: Final[Mapping[MapArea, str]] = MappingProxyType(
     {"coil": "0", "discrete": "1", "input": "3", "holding": "4"}
@@ -225,7 +228,7 @@ _DEEPEST: Final = 3  # values computed from computed ones
 
 def read_mapped(row: MappedValue, words: Sequence[int], power: int | None = 0) -> MappedReading:
     """One value from its registers; `power` is what its scale register holds, None where that is not known."""
-    kind = "bool" if row.area in ("coil", "discrete") else row.type
+    kind = "bool" if row.area in BIT_AREAS else row.type
     raw = _RAW.get(kind, _whole)(row, words)
     if kind in _SHOWN:
         return MappedReading(row, raw, raw, _SHOWN[kind](row, raw))

@@ -167,6 +167,16 @@ def parts_of(node: Any) -> list[Any]:
     return []
 
 
+def mappings(content: object) -> Iterable[Mapping[str, Any]]:
+    """The mappings of a list, or the one that stands alone."""
+    match content:
+        case Mapping():
+            return [content]
+        case list():
+            return [item for item in content if isinstance(item, Mapping)]
+    return []
+
+
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """The records in a tree; `path`: the keys that lead to a node; `given`: what holds for all below it."""
     for below in parts_of(node) if isinstance(node, list) and len(path) <= _DEPTH else ():

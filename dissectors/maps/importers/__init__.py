@@ -14,9 +14,10 @@ from typing import Final, NoReturn
 
 from ..headings import HEADING_ROWS
 from ..model import MapError
+from .builder import ImportedMap
 from .general import COHERENT, READERS, Reader, coherence, facts_of_all
 from .programs import Program, data_of
-from .source import ImportedMap, MapSource
+from .source import MapSource
 
 _OF_PROGRAMS: Final = data_of("programs")  # by what stands in each of their files
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
