@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from ..limits import EXCEPTION, OVERHEAD
+from ..limits import OVERHEAD
 from .model import BIT_AREAS, MapArea, MappedValue, RegisterMap, read_mapped
 
 WRITERS: Final = frozenset({5, 6, 15, 16, 22, 23})
@@ -101,10 +101,9 @@ def _whole(text: str) -> int | None:
 
 
 def _exceptions(text: str) -> Iterator[tuple[int, str]]:
-    """`02 illegal address; 03 value out of range`."""
+    """`02 illegal address; 03 value out of range`: codes of two digits."""
     for code, words in re.findall(r"\b0?([1-9][0-9]?)\W+([^;]+)", text):
-        if int(code) < EXCEPTION:
-            yield int(code), words.strip()
+        yield int(code), words.strip()
 
 
 def breaches(chart: RegisterMap, request: MapRequest) -> Iterator[MapBreach]:

@@ -326,12 +326,10 @@ _SAME: Final = {"degc": "°c", "celsius": "°c", "degf": "°f", "percent": "%", 
 
 def factor_between(one: str, other: str) -> float | None:
     """What a number in unit `one` is multiplied by to be in `other`; None where they do not measure the same."""
-    if _spelled(one) == _spelled(other) and not (_split(one) and _split(other)):
-        return 1.0
     left, right = _split(one), _split(other)
-    if left is None or right is None or left[1] != right[1]:
-        return None
-    return left[0] / right[0]
+    if left and right:
+        return left[0] / right[0] if left[1] == right[1] else None
+    return 1.0 if _spelled(one) == _spelled(other) else None
 
 
 def _spelled(unit: str) -> str:

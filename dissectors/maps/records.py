@@ -141,7 +141,7 @@ def _lists_of_rows(tree: Any) -> Iterator[list[list[str]]]:
 
 def _listed_rows(node: Any, titles: tuple[str, ...], depth: int) -> Iterator[tuple[tuple[str, ...], list[list[Any]]]]:
     """Lists that are rows, with what is said of them: names that lead there, and remarks before."""
-    names, below = ([*node], parts_of(node)) if isinstance(node, Mapping) else ([], parts_of(node))
+    names, below = [*node] if isinstance(node, Mapping) else [], parts_of(node)
     if names and all(isinstance(cell, list | str) for cell in below):  # of lists by their names
         lists = [expression(", *").split(cell) if isinstance(cell, str) else cell for cell in below]
         yield from _listed_rows([[key, *cells] for key, cells in zip(names, lists, strict=True)], titles, _DEPTH)
@@ -179,12 +179,16 @@ def mappings(content: object) -> Iterable[Mapping[str, Any]]:
 
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """The records in a tree; `path`: the keys that lead to a node; `given`: what holds for all below it."""
-    for below in parts_of(node) if isinstance(node, list) and len(path) <= _DEPTH else ():
-        given = _with(given, _told(below)) if _is_remark(below) else given
-        yield from _found(below, path, given)
-    if isinstance(node, Mapping) and len(path) <= _DEPTH:
-        are_named = "area" in _told("".join(path[-1:])) and _are_states(node)
-        yield from _named_places(node, given) if are_named else _in_mapping(_with_its_place(node), path, given)
+    if len(path) > _DEPTH:
+        return
+    match node:
+        case list():
+            for below in node:
+                given = _with(given, _told(below)) if _is_remark(below) else given
+                yield from _found(below, path, given)
+        case Mapping():
+            are_named = "area" in _told("".join(path[-1:])) and _are_states(node)
+            yield from _named_places(node, given) if are_named else _in_mapping(_with_its_place(node), path, given)
 
 
 def _named_places(node: Mapping[str, Any], given: Record) -> Iterator[Record]:
@@ -227,10 +231,6 @@ def _with_its_place(node: Mapping[str, Any]) -> Mapping[str, Any]:
     inner = dict(_cells(held[0][1])) if len(held) == 1 and len(node) > 1 else {}
     is_place = _has_address(inner) and not any(heading_bits(key, "name") for key in inner)
     return {**{key: part for key, part in node.items() if key != held[0][0]}, **held[0][1]} if is_place else node
-
-
-def _is_nested(value: Any) -> bool:
-    return isinstance(value, Mapping | list)
 
 
 def _with(given: Record, told: Record) -> Record:
@@ -311,7 +311,7 @@ def _cells(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _plain(node: Any) -> Record:
     """The values of a mapping, without those of what it holds; of anything else nothing."""
     own = node.items() if isinstance(node, Mapping) else ()
-    return {_word(key): _text(value) for key, value in own if not _is_nested(value)}
+    return {_word(key): _text(value) for key, value in own if not isinstance(value, Mapping | list)}
 
 
 def _are_states(value: Mapping[Any, Any]) -> bool:

@@ -221,7 +221,7 @@ def _elements(element: Any, depth: int) -> Any:
     found: dict[str, Any] = dict(element.attrib)
     for inner in element:
         below = _elements(inner, depth + 1)
-        name = inner.tag.rpartition("}")[2] if isinstance(inner.tag, str) else ""
+        name = inner.tag.rpartition("}")[2]
         if isinstance(below, str):
             found[name] = below
         else:

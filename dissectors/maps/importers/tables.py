@@ -327,7 +327,7 @@ class _TableRows:
         """What is said of the access to a register, the nearest first; what titles say is of what can be written."""
         yield access_of(cells) or self.heading.rights.get(cells.get("access", ""))
         yield "r" * (area in READ_ONLY_AREAS)
-        yield told and meaning("access", told.lower())
+        yield meaning("access", told.lower())
         yield access_said(self.above, codes=self.heading.of_functions)
         yield self.titles.access
         yield self.titles.accesses.get(area)
