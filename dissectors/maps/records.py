@@ -200,9 +200,7 @@ def _named_places(node: Mapping[str, Any], given: Record) -> Iterator[Record]:
 def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """What a mapping is, where nothing that it holds has an address, else the records in it."""
     cells, plain = dict(_cells(node)), _plain(node)
-    named = (part for key, part in node.items() if form("of_defaults", str(key)))
-    usual = (dict(_cells(part)) for part in named if isinstance(part, Mapping))
-    given = {**given, **next(usual, {})}
+    given = {**given, **_defaults(node)}
     shared = {**given, **_shared_by({key: cells[key] for key in plain})}
     told = {key: _told(str(key)) for key in node}
     records = [key for key, part in node.items() if _has_address(_plain(part))]
@@ -217,6 +215,12 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
     is_record = speaks or "address" in place or _has_address(plain)
     is_whole = is_record and not any(map(_has_address, below))
     yield from [{**place, **_lacking(given, cells), **cells}] if is_whole else below
+
+
+def _defaults(node: Mapping[str, Any]) -> Record:
+    """What a mapping says of all that it holds, in a part that is called so."""
+    named = (part for key, part in node.items() if isinstance(part, Mapping) and form("of_defaults", str(key)))
+    return dict(_cells(next(named, {})))
 
 
 def _shared_by(cells: Record) -> Record:
