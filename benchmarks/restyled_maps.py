@@ -23,7 +23,8 @@ from score_maps import scored
 
 from dissectors.maps import MapError
 from dissectors.maps.headings import headings_in
-from dissectors.maps.importers.source import ImportedMap, MapSource
+from dissectors.maps.importers.builder import ImportedMap
+from dissectors.maps.importers.source import MapSource
 from dissectors.maps.importers.tables import chart_of
 from dissectors.maps.records import record_sheets
 from dissectors.maps.sheets import MapSheet, ways_in

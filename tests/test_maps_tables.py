@@ -11,7 +11,7 @@ from oddmaps import OddFile, check_import
 from running import refused
 
 from dissectors.maps import MapError, lines
-from dissectors.maps.importers import general, import_maps, source
+from dissectors.maps.importers import builder, general, import_maps, source
 from dissectors.maps.table import read_table, write_table
 
 
@@ -521,7 +521,7 @@ def test_a_table_of_people(oddity: str) -> None:
 
 def test_what_is_read_in_part_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for module, limit, least in (
-        (source, "_MOST_ROWS", 2000), (source, "_MOST_LINES", 4000),
+        (builder, "_MOST_ROWS", 2000), (source, "_MOST_LINES", 4000),
         (general, "_MOST_LINES", 2000), (lines, "_TEXT", 1 << 15),
     ):  # fmt: skip
         assert getattr(module, limit) >= 8 * least

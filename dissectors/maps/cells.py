@@ -16,6 +16,7 @@ from dissectors.values import ORDERS, ValueFormError, harmless, physical
 from .model import (
     ANY_LENGTH,
     AREA_WORDS,
+    BIT_AREAS,
     DIGIT_OF_AREA,
     VALUE_TYPES,
     DeviceSignature,
@@ -92,11 +93,11 @@ def type_of(kind: object, area: MapArea) -> str:
     """The type that a word means; the area's own where there is none."""
     word = _cell(kind).lower()
     if not word:
-        return "bool" if area in ("coil", "discrete") else "u16"
+        return "bool" if area in BIT_AREAS else "u16"
     word = _TYPE_WORDS.get(word, word)
     if word not in VALUE_TYPES:
         raise CellError("type", kind, f"one of {', '.join(VALUE_TYPES)}")
-    if area in ("coil", "discrete") and word != "bool":
+    if area in BIT_AREAS and word != "bool":
         raise CellError("type", kind, f"bool in area {area}")
     return word
 
@@ -161,6 +162,19 @@ def whole_number(column: str, value: object) -> int:
     if number is None or len(text) > _LONGEST_NUMBER:
         raise CellError(column, value, "a whole number, decimal or hex (0x6B)")
     return number
+
+
+def whole_in(value: object) -> int | None:
+    """A whole number, decimal or hex, None where it is none."""
+    try:
+        return whole_number("address", value)
+    except CellError:
+        return None
+
+
+def count_in(value: object, usual: int = 0) -> int:
+    """A whole number other than 0; the usual one where there is none."""
+    return whole_in(value) or usual
 
 
 def number_text(number: float | None) -> str:

@@ -87,17 +87,17 @@ def _columns(
 ) -> tuple[Sequence[Span], bool]:
     """Where columns begin and end, and whether blanks part them in nearly all rows: by a rule, or by the rows that have
     as many cells as most; else they are where one of these has its cells."""
-    ruled = [cells for line, cells in zip(lines, parted, strict=True) if form("rule_above", line)]
-    counts = Counter(len(cells) for cells in parted[has_heading:] if len(cells) >= LEAST_CELLS)
-    usual = max(counts, key=lambda count: (counts[count], count), default=_MOST_COLUMNS)
-    full = [at for at in range(has_heading, len(lines)) if len(parted[at]) >= usual]
-    runs = ruled[0] if ruled else _runs([parted[at] for at in full])[:_MOST_COLUMNS]
-    if not ruled and len(runs) < usual:
-        return next((parted[at] for at in full if len(parted[at]) == usual), parted[0]), False
-    if not has_heading:
-        return runs, True
-    columns = runs if ruled else _with_gaps(lines[0], [lines[at] for at in full], runs)
-    return [*columns, *(cell for cell in parted[0] if cell[0] >= columns[-1][1])], True
+    columns = next((cells for line, cells in zip(lines, parted, strict=True) if form("rule_above", line)), None)
+    if columns is None:
+        counts = Counter(len(cells) for cells in parted[has_heading:] if len(cells) >= LEAST_CELLS)
+        usual = max(counts, key=lambda count: (counts[count], count), default=_MOST_COLUMNS)
+        full = [at for at in range(has_heading, len(lines)) if len(parted[at]) >= usual]
+        runs = _runs([parted[at] for at in full])[:_MOST_COLUMNS]
+        if len(runs) < usual:
+            return next((parted[at] for at in full if len(parted[at]) == usual), parted[0]), False
+        columns = _with_gaps(lines[0], [lines[at] for at in full], runs) if has_heading else runs
+    beyond = parted[0] if has_heading else ()
+    return [*columns, *(cell for cell in beyond if cell[0] >= columns[-1][1])], True
 
 
 def _runs(rows: Sequence[Sequence[Span]]) -> list[Span]:

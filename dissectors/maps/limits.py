@@ -17,8 +17,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from ..limits import EXCEPTION, OVERHEAD
-from .model import MapArea, MappedValue, RegisterMap, read_mapped
+from ..limits import OVERHEAD
+from .model import BIT_AREAS, MapArea, MappedValue, RegisterMap, read_mapped
 
 WRITERS: Final = frozenset({5, 6, 15, 16, 22, 23})
 """Functions that write coils or registers ([1] 6.5, 6.6, 6.11, 6.12, 6.16, 6.17)."""
@@ -56,7 +56,7 @@ class MapRequest:
     @property
     def longer_frame(self) -> int:
         """Bytes of the longer ADU of request and answer ([1] 6.1 to 6.12)."""
-        octets = (self.quantity + 7) // 8 if self.area in ("coil", "discrete") else 2 * self.quantity
+        octets = (self.quantity + 7) // 8 if self.area in BIT_AREAS else 2 * self.quantity
         written = _COUNTED.get(self.function)
         head = _ANSWER_HEAD if written is None else written
         return OVERHEAD + max(_FIXED_PDU, (head + octets) * (head > 0))
@@ -101,10 +101,9 @@ def _whole(text: str) -> int | None:
 
 
 def _exceptions(text: str) -> Iterator[tuple[int, str]]:
-    """`02 illegal address; 03 value out of range`."""
+    """`02 illegal address; 03 value out of range`: codes of two digits."""
     for code, words in re.findall(r"\b0?([1-9][0-9]?)\W+([^;]+)", text):
-        if int(code) < EXCEPTION:
-            yield int(code), words.strip()
+        yield int(code), words.strip()
 
 
 def breaches(chart: RegisterMap, request: MapRequest) -> Iterator[MapBreach]:

@@ -71,27 +71,38 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
 
 
 def _line_sheet(text: str, most: int, notes: tuple[str, ...]) -> Iterator[MapSheet]:
-    """The registers that lines say, with the titles between them, as a sheet; none where a line at most does.
-
-    Many lines begin with a number: of entries, most must tell more than a name, or none counts.
-    """
-    placed = partial(_placed, bases=_bases(text[:_HEAD]))
-    text = tidied.__wrapped__("lines", _with_remarks_behind(with_constants(text)))
-    every = expression(vocabulary()["image"]).sub(placed, text).splitlines()
+    """The registers that lines say, with the titles between them, as a sheet; none where a line at most does."""
+    every = _as_constants(text).splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
-    read = _registers(shown)
-    told = [any(may for _, may in line.parts) for line in read if line and line.is_entry]
-    is_list = 2 * sum(told) >= len(told)
-    found = [line if line and line.name and line.is_entry <= is_list else None for line in read]
+    found = _counting(_registers(shown))
     lines = list(filter(None, found))
     if len(lines) < _FEW:
         return
-    places = Counter((at, role) for line in lines for at, (_, may) in enumerate(line.parts) for role in may[:1])
-    usual = {at: role for (at, role), _ in reversed(places.most_common())}
-    titles = (_title(line) for line in shown)
-    rows = [_cells(line, usual) if line else [title] for line, title in zip(found, titles, strict=True)]
+    usual = _usual_roles(lines)
+    rows = [_cells(line, usual) if line else [_title(text)] for line, text in zip(found, shown, strict=True)]
     rows.insert(found.index(lines[0]), list(_COLUMNS))
     yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(every), most, "rows")))
+
+
+def _as_constants(text: str) -> str:
+    """A text whose constants have their remarks behind them, so the members of structures, where they lie."""
+    placed = partial(_placed, bases=_bases(text[:_HEAD]))
+    text = tidied.__wrapped__("lines", _with_remarks_behind(with_constants(text)))
+    return expression(vocabulary()["image"]).sub(placed, text)
+
+
+def _counting(read: Sequence[_RegisterLine | None]) -> list[_RegisterLine | None]:
+    """What lines say with a name. Many lines begin with a number: of entries, most must tell more than a name, or none
+    counts."""
+    told = [any(may for _, may in line.parts) for line in filter(None, read) if line.is_entry]
+    is_list = 2 * sum(told) >= len(told)
+    return [line if line and line.name and line.is_entry <= is_list else None for line in read]
+
+
+def _usual_roles(lines: Sequence[_RegisterLine]) -> dict[int, str]:
+    """What most lines have in each place behind the name."""
+    places = Counter((at, role) for line in lines for at, (_, may) in enumerate(line.parts) for role in may[:1])
+    return {at: role for (at, role), _ in reversed(places.most_common())}
 
 
 def _with_remarks_behind(text: str) -> str:

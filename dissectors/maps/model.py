@@ -29,6 +29,9 @@ AREA_WORDS: Final[Mapping[str, MapArea]] = MappingProxyType(
     }
 )
 """Words that people write for an area."""
+BIT_AREAS: Final = frozenset({"coil", "discrete"})
+READ_ONLY_AREAS: Final = frozenset({"input", "discrete"})
+"""What holds bits, and what nobody can write."""
 READ_FUNCTIONS: Final[Mapping[MapArea, int]] = MappingProxyType({"coil": 1, "discrete": 2, "holding": 3, "input": 4})
 DIGIT_OF_AREA: Final[Mapping[MapArea, str]] = MappingProxyType(
     {"coil": "0", "discrete": "1", "input": "3", "holding": "4"}
@@ -225,7 +228,7 @@ _DEEPEST: Final = 3  # values computed from computed ones
 
 def read_mapped(row: MappedValue, words: Sequence[int], power: int | None = 0) -> MappedReading:
     """One value from its registers; `power` is what its scale register holds, None where that is not known."""
-    kind = "bool" if row.area in ("coil", "discrete") else row.type
+    kind = "bool" if row.area in BIT_AREAS else row.type
     raw = _RAW.get(kind, _whole)(row, words)
     if kind in _SHOWN:
         return MappedReading(row, raw, raw, _SHOWN[kind](row, raw))
@@ -323,12 +326,10 @@ _SAME: Final = {"degc": "°c", "celsius": "°c", "degf": "°f", "percent": "%", 
 
 def factor_between(one: str, other: str) -> float | None:
     """What a number in unit `one` is multiplied by to be in `other`; None where they do not measure the same."""
-    if _spelled(one) == _spelled(other) and not (_split(one) and _split(other)):
-        return 1.0
     left, right = _split(one), _split(other)
-    if left is None or right is None or left[1] != right[1]:
-        return None
-    return left[0] / right[0]
+    if left and right:
+        return left[0] / right[0] if left[1] == right[1] else None
+    return 1.0 if _spelled(one) == _spelled(other) else None
 
 
 def _spelled(unit: str) -> str:

@@ -141,7 +141,7 @@ def _lists_of_rows(tree: Any) -> Iterator[list[list[str]]]:
 
 def _listed_rows(node: Any, titles: tuple[str, ...], depth: int) -> Iterator[tuple[tuple[str, ...], list[list[Any]]]]:
     """Lists that are rows, with what is said of them: names that lead there, and remarks before."""
-    names, below = ([*node], parts_of(node)) if isinstance(node, Mapping) else ([], parts_of(node))
+    names, below = [*node] if isinstance(node, Mapping) else [], parts_of(node)
     if names and all(isinstance(cell, list | str) for cell in below):  # of lists by their names
         lists = [expression(", *").split(cell) if isinstance(cell, str) else cell for cell in below]
         yield from _listed_rows([[key, *cells] for key, cells in zip(names, lists, strict=True)], titles, _DEPTH)
@@ -167,14 +167,28 @@ def parts_of(node: Any) -> list[Any]:
     return []
 
 
+def mappings(content: object) -> Iterable[Mapping[str, Any]]:
+    """The mappings of a list, or the one that stands alone."""
+    match content:
+        case Mapping():
+            return [content]
+        case list():
+            return [item for item in content if isinstance(item, Mapping)]
+    return []
+
+
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """The records in a tree; `path`: the keys that lead to a node; `given`: what holds for all below it."""
-    for below in parts_of(node) if isinstance(node, list) and len(path) <= _DEPTH else ():
-        given = _with(given, _told(below)) if _is_remark(below) else given
-        yield from _found(below, path, given)
-    if isinstance(node, Mapping) and len(path) <= _DEPTH:
-        are_named = "area" in _told("".join(path[-1:])) and _are_states(node)
-        yield from _named_places(node, given) if are_named else _in_mapping(_with_its_place(node), path, given)
+    if len(path) > _DEPTH:
+        return
+    match node:
+        case list():
+            for below in node:
+                given = _with(given, _told(below)) if _is_remark(below) else given
+                yield from _found(below, path, given)
+        case Mapping():
+            are_named = "area" in _told("".join(path[-1:])) and _are_states(node)
+            yield from _named_places(node, given) if are_named else _in_mapping(_with_its_place(node), path, given)
 
 
 def _named_places(node: Mapping[str, Any], given: Record) -> Iterator[Record]:
@@ -186,9 +200,7 @@ def _named_places(node: Mapping[str, Any], given: Record) -> Iterator[Record]:
 def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """What a mapping is, where nothing that it holds has an address, else the records in it."""
     cells, plain = dict(_cells(node)), _plain(node)
-    named = (part for key, part in node.items() if form("of_defaults", str(key)))
-    usual = (dict(_cells(part)) for part in named if isinstance(part, Mapping))
-    given = {**given, **next(usual, {})}
+    given = {**given, **_defaults(node)}
     shared = {**given, **_shared_by({key: cells[key] for key in plain})}
     told = {key: _told(str(key)) for key in node}
     records = [key for key, part in node.items() if _has_address(_plain(part))]
@@ -205,6 +217,12 @@ def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -
     yield from [{**place, **_lacking(given, cells), **cells}] if is_whole else below
 
 
+def _defaults(node: Mapping[str, Any]) -> Record:
+    """What a mapping says of all that it holds, in a part that is called so."""
+    named = (part for key, part in node.items() if isinstance(part, Mapping) and form("of_defaults", str(key)))
+    return dict(_cells(next(named, {})))
+
+
 def _shared_by(cells: Record) -> Record:
     """What plain cells say that may hold for all that stands beside them."""
     areas = {"area": cell for cell in cells.values() if cell.lower() in AREA_NAMES}  # noqa: B035
@@ -217,10 +235,6 @@ def _with_its_place(node: Mapping[str, Any]) -> Mapping[str, Any]:
     inner = dict(_cells(held[0][1])) if len(held) == 1 and len(node) > 1 else {}
     is_place = _has_address(inner) and not any(heading_bits(key, "name") for key in inner)
     return {**{key: part for key, part in node.items() if key != held[0][0]}, **held[0][1]} if is_place else node
-
-
-def _is_nested(value: Any) -> bool:
-    return isinstance(value, Mapping | list)
 
 
 def _with(given: Record, told: Record) -> Record:
@@ -301,7 +315,7 @@ def _cells(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _plain(node: Any) -> Record:
     """The values of a mapping, without those of what it holds; of anything else nothing."""
     own = node.items() if isinstance(node, Mapping) else ()
-    return {_word(key): _text(value) for key, value in own if not _is_nested(value)}
+    return {_word(key): _text(value) for key, value in own if not isinstance(value, Mapping | list)}
 
 
 def _are_states(value: Mapping[Any, Any]) -> bool:

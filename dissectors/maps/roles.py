@@ -8,7 +8,7 @@ heading is of no known language, and one whose heading means something else than
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Any, Final
@@ -152,17 +152,24 @@ def assignment(row: Sequence[str], below: Table) -> tuple[dict[str, int], float]
     columns = [TableColumn(cell, column_cells(sample, at), len(sample)) for at, cell in enumerate(row)]
     bits = {(role, at): column.bits(role) for at, column in enumerate(columns) for role in roles()}
     for left in _LEFT_OUT:
-        best = _assignment({pair: value for pair, value in bits.items() if pair[0] not in left})
-        if "address" in best and "length" not in best:
-            others = {*range(len(row))} - {best["address"]}
-            spans = {("length", at): _SPANS for at in others if _are_spans(sample, best["address"], at)}
-            bits |= {pair: bits[pair] + spanned for pair, spanned in spans.items()}
-            best = _assignment({pair: value for pair, value in bits.items() if pair[0] not in left}) if spans else best
+        best = _assignment(bits, left)
+        spans = _spans_in(sample, best, len(row))
+        if spans:
+            bits |= {pair: bits[pair] + _SPANS for pair in spans}
+            best = _assignment(bits, left)
         if best.keys() >= _NEEDED:
             weight = sum(bits[pair] for pair in best.items())
             best.pop("number", None)
             return best, weight
     return {}, 0.0
+
+
+def _spans_in(rows: Table, best: Mapping[str, int], width: int) -> list[tuple[str, int]]:
+    """The columns that may be of lengths by how far addresses are apart, where none is of lengths yet."""
+    if "address" not in best or "length" in best:
+        return []
+    others = {*range(width)} - {best["address"]}
+    return [("length", at) for at in others if _are_spans(rows, best["address"], at)]
 
 
 def _are_spans(rows: Table, place: int, at: int) -> bool:
@@ -183,10 +190,10 @@ def roles_of_part(text: str) -> Sequence[str]:
     return sorted((role for role in bits if bits[role] >= _LEAST), key=lambda role: -bits[role])
 
 
-def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
-    """The roles of columns for which most bits speak together: the surest pairs first, then without those pairs in
-    whose stead others say more."""
-    may = {pair: value for pair, value in bits.items() if value >= _LEAST}
+def _assignment(bits: Mapping[tuple[str, int], float], left: Collection[str]) -> dict[str, int]:
+    """The roles of columns for which most bits speak together, some left out: the surest pairs first, then without
+    those pairs in whose stead others say more."""
+    may = {pair: value for pair, value in bits.items() if value >= _LEAST and pair[0] not in left}
     best = _surest_first(may)
     for _ in range(_MOST_TURNS):
         tried = [(_weight(_surest_first(may, pair), may), pair) for pair in best.items()]
@@ -234,4 +241,4 @@ def heading_weight(row: Sequence[str], below: Table) -> float:
     where it is none."""
     columns, bits = assignment(row, below) if len(below) >= _LEAST_ROWS else ({}, 0.0)
     tells = not _TELLING.isdisjoint(columns) or len(columns) > _LEAST_TOLD
-    return bits if tells and len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0
+    return bits if tells and form("words", row[columns["address"]]) else 0.0

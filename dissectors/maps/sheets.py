@@ -172,12 +172,12 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[tuple[list[list[
     them; else CSV with any sign between cells, and columns that blanks part, as PDFs are copied."""
     text = text.translate(_DRAWN).replace(r"\|", " /")  # a bar within a cell
     shown = text.splitlines()[:most]
-    if shown and (named := form("separator", shown[0])):  # Excel's own line
+    if named := form("separator", "".join(shown[:1])):  # Excel's own line
         yield _cut(["", *shown[1:]], named["sign"], file), len(text)
         return
     looks = ((one, expression(one["looks"]).search(text)) for one in vocabulary()["layouts"])
-    laid_out, mark = next((found for found in looks if found[1]), (None, None))
-    if laid_out and mark:
+    laid_out, mark = next((found for found in looks if found[1]), ({}, None))
+    if mark:
         yield _laid_out(text, laid_out, most), len(text)
         if mark.start() < _START or text.lstrip().startswith("<"):
             return

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import Final, cast
 
 from .cells import CellError, area_of
-from .model import MapArea
+from .model import BIT_AREAS, MapArea
 from .vocabulary import WIDE_SIGNS, expression, form, meaning, meet, tidied, vocabulary
 
 _NUMBER: Final = re.compile(
@@ -54,7 +54,7 @@ class AddressForm:
         """The digits that lead a logical number of an area; none where no number is one."""
         if self.is_plain:
             return ""
-        every = self.is_logical or (self.is_digital and area in ("coil", "discrete"))
+        every = self.is_logical or (self.is_digital and area in BIT_AREAS)
         return ("34", "0134")[every]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from dissectors.maps.importers import import_maps
-from dissectors.maps.importers.source import ImportedMap
+from dissectors.maps.importers.builder import ImportedMap
 
 OddFile = tuple[str, bytes, list[str], str]
 """A file's name and content, the rows expected of it (`row_texts`), and a note (pattern) or nothing."""

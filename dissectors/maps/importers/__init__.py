@@ -3,7 +3,8 @@
 A program's format is data, `NAME.toml`, which `programs` reads; any other is one of `general`. A format has a `NAME`
 and `read(source)`, which gives a map a device, or None of a file that is of another format. They are listed in
 `FORMATS`, the surest first; of the last, which read what no program made, the one counts that reads most. What a format
-says and a map cannot is told in the notes, never dropped without a word.
+says and a map cannot is told in the notes, never dropped without a word. `source` is the file to read, `builder` what
+makes a map of its rows.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from typing import Final, NoReturn
 
 from ..headings import HEADING_ROWS
 from ..model import MapError
+from .builder import ImportedMap
 from .general import COHERENT, READERS, Reader, coherence, facts_of_all
 from .programs import Program, data_of
-from .source import ImportedMap, MapSource
+from .source import MapSource
 
 _OF_PROGRAMS: Final = data_of("programs")  # by what stands in each of their files
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most

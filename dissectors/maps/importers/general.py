@@ -11,12 +11,13 @@ from ..cells import COLUMN_NAMES
 from ..headings import HEADING_ROWS, has_heading
 from ..lines import line_sheets
 from ..model import MapError, MappedValue
-from ..records import record_sheets
+from ..records import mappings, record_sheets
 from ..sheets import MapSheet, ways_in
 from ..table import read_table
 from ..vocabulary import expression
 from ..written import area_words
-from .source import ImportedMap, MapSource, mappings
+from .builder import ImportedMap
+from .source import MapSource
 from .tables import chart_of
 
 _MOST_ROWS: Final = 30_000  # of a table

@@ -20,14 +20,14 @@ from importlib.resources import files as package_files
 from itertools import islice
 from typing import Any, Final, cast
 
-from ..cells import CellError, area_and_address, fraction
-from ..model import VALUE_TYPES
-from ..records import parts_of
-from .source import ImportedMap, MapBuilder, MapSource, count_in, mappings, scaled, whole_in
+from ..cells import CellError, area_and_address, count_in, fraction, whole_in
+from ..model import BIT_AREAS, VALUE_TYPES
+from ..records import mappings, parts_of
+from .builder import ImportedMap, MapBuilder, scaled
+from .source import MapSource
 from .steps import Record, said, step_named, value_at
 
 _TABLES: Final = {"area": "areas", "type": "types", "order": "orders", "access": "rights"}  # of words
-_BITS: Final = ("coil", "discrete")
 _LOOK: Final = 2000  # records among which one of a program tells that a file is its
 _DEEPEST: Final = 60
 _MOST_COPIES: Final = 250
@@ -151,15 +151,15 @@ class _ProgramRow:
         bits_are = self.data.get("bits_are", [kind])
         wrong = (
             (None in spot, f"address {self.said('address')!r} of {area_word!r} is not known"),
-            (kind is None and spot[0] not in _BITS, f"{types_are} {type_word!r} is not a type that maps have"),
-            (spot[0] in _BITS and kind not in bits_are, f"address {self.said('address')} leads with the digit of "
+            (kind is None and spot[0] not in BIT_AREAS, f"{types_are} {type_word!r} is not a type that maps have"),
+            (spot[0] in BIT_AREAS and kind not in bits_are, f"address {self.said('address')} leads with the digit of "
              f"{spot[0]}s, which hold no {type_word}"),
         )  # fmt: skip
         told = next((text for holds, text in wrong if holds), "")
         if told:
             self.note(told)
         else:
-            self._add(str(spot[0]), cast(int, spot[1]), "bool" if spot[0] in _BITS else str(kind))
+            self._add(str(spot[0]), cast(int, spot[1]), "bool" if spot[0] in BIT_AREAS else str(kind))
 
     def _logical(self) -> tuple[str | None, int | None]:
         """Area and address of a record whose address names its area."""
@@ -171,7 +171,7 @@ class _ProgramRow:
     def _address(self, area: str | None) -> int | None:
         """The address, by what it is counted from, and octets behind it as registers."""
         address = whole_in(self.said("address"))
-        behind, half = divmod(self.count("octets_behind") * (area not in _BITS), 2)
+        behind, half = divmod(self.count("octets_behind") * (area not in BIT_AREAS), 2)
         if half:
             self.note(f"an offset of {2 * behind + half} octets begins within a register")
         return None if address is None else address + self.count("shift") + behind
@@ -204,7 +204,7 @@ class _ProgramRow:
         if states and kind[0] in "us":
             kind, lengths = "enum", (VALUE_TYPES[kind],)
         has_order = kind != "bool" and (VALUE_TYPES[kind] > 1 or self.data.get("orders_bytes", False))
-        usual = (self.meant("access")[0], self.data.get("bits_access") if area in _BITS else None)
+        usual = (self.meant("access")[0], self.data.get("bits_access") if area in BIT_AREAS else None)
         return {
             **{column: self.said(column) for column in _KEPT},
             **self._factor(),

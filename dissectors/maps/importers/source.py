@@ -1,34 +1,30 @@
-"""A file to import, read once in each way that is asked for, and what comes of it."""
+"""A file to import, read once in each way that is asked for: as text, as rows, as a tree of any of its languages."""
 
 from __future__ import annotations
 
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import count
 from pathlib import PurePath
 from typing import Any, Final
 
-from ..cells import CellError, one_line, value_of, whole_number
+from ..cells import one_line
 from ..files import decoded
-from ..model import MapError, MappedValue, RegisterMap
+from ..model import MapError
 from ..records import json_lines
 from ..sheets import ZIP, notes_of_cut
 from ..table import csv_rows
 from ..vocabulary import expression, form, meet
 
-_MOST_NOTES: Final = 20
-_MOST_ROWS: Final = 20_000
 _MOST_LINES: Final = 40_000  # of the CSV of a program
 _MOST_CELLS: Final = 100  # of a row
 _MOST_UNNAMED: Final = 1 << 18  # characters of a text that is read as what its name does not say
 _MOST_MET: Final = 1 << 17  # characters whose words are looked up at once
 _LOOK: Final = 60  # lines that tell how a text is cut
-_MOST_TWINS: Final = 64
 _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
@@ -47,27 +43,6 @@ _WAYS: Final = {  # in which a tree is read, by the suffix of its file and by it
     "<": ("xml",),
     "{": ("lines",),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class ImportedMap:
-    """A map, and what of the file it does not carry."""
-
-    chart: RegisterMap
-    notes: tuple[str, ...] = ()
-
-    @property
-    def facts(self) -> int:
-        """How much it tells: of each row the name, and what it says beside; nothing where signs of a source or of a
-        layout were left in it."""
-        return sum(map(_facts_of, self.chart.rows))
-
-
-def _facts_of(row: MappedValue) -> int:
-    """What a row tells: nothing without a name of its own."""
-    is_named = form("clean", row.name) != {} == form("nameless", row.name)
-    told = (form("clean", row.unit), row.access, row.scale != 1, row.type != "u16")
-    return is_named * (1 + sum(map(bool, told)))
 
 
 class MapSource:
@@ -246,7 +221,7 @@ def _elements(element: Any, depth: int) -> Any:
     found: dict[str, Any] = dict(element.attrib)
     for inner in element:
         below = _elements(inner, depth + 1)
-        name = inner.tag.rpartition("}")[2] if isinstance(inner.tag, str) else ""
+        name = inner.tag.rpartition("}")[2]
         if isinstance(below, str):
             found[name] = below
         else:
@@ -254,154 +229,3 @@ def _elements(element: Any, depth: int) -> Any:
     if text:
         found.setdefault("description" if "name" in found else "name", text)
     return found
-
-
-@dataclass(slots=True)
-class MapBuilder:
-    """Rows of one device as they are found; what cannot be a row becomes a note."""
-
-    file: str
-    device: str = ""
-    vendor: str = ""
-    order: str = "ABCD"
-    rows: list[MappedValue] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    bits: dict[tuple[str, int], dict[int, str]] = field(default_factory=dict)
-    _at: dict[tuple[str, int], dict[str, MappedValue]] = field(default_factory=dict)
-
-    def add(self, area: str, address: int, cells: Mapping[str, object], what: object) -> None:
-        """A row of these cells, at a zero-based address; `what` names it in a note. Nobody writes inputs ([1] 4.3)."""
-        if self.is_full:
-            return
-        kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
-        fitting = {key: cell for key, cell in cells.items() if key not in _UNFIT.get(kind, _LENGTH)}
-        if area in ("input", "discrete"):
-            fitting["access"] = fitting.get("access") or "r"
-        try:
-            row = value_of({**fitting, "area": area, "address": address, "type": kind}, order=self.order)
-        except CellError as error:
-            self.note(f"{what}: {error}")
-            return
-        twins = self._at.setdefault((row.area, row.address), {})
-        twin = twins.get(row.name)
-        if twin and (both := _together(twin, row)):
-            self.rows[self.rows.index(twin)] = twins[row.name] = both
-            return
-        if len(twins) >= _MOST_TWINS:
-            self.note(f"{what}: over {_MOST_TWINS} values at {row.area} {row.address}")
-            return
-        if row.name in twins:
-            number = next(n for n in range(2, len(twins) + 3) if f"{row.name} {n}" not in twins)
-            row = replace(row, name=f"{row.name} {number}")
-        self.rows.append(row)
-        twins[row.name] = row
-
-    def add_bits(self, area: str, address: int, first: int, width: int, name: str) -> None:
-        """A part of a register: bits `first` to `first + width - 1`."""
-        names = self.bits.setdefault((area, address), {})
-        for bit in range(max(first, 0), min(first + width, 16)):
-            label = f"{name} bit {bit - first}" * (width > 1) or name
-            names[bit] = " / ".join(filter(None, (names.get(bit), label)))
-
-    @property
-    def is_full(self) -> bool:
-        """Whether there are more values than the map of a device has; said once."""
-        full = len(self.rows) >= _MOST_ROWS
-        said = f"over {_MOST_ROWS:,} values are not the map of one device"
-        if full and said not in self.notes:
-            self.notes.insert(0, said)
-        return full
-
-    def note(self, text: str) -> None:
-        self.notes.append(one_line(text[:400])[:300])
-
-    def _is_of_bits(self, area: str, address: int, names: dict[int, str]) -> bool:
-        """Give the only row of a register the names of its bits; False where there is none, or another value."""
-        twins = self._at.get((area, address), {})
-        rows = [row for row in twins.values() if (row.type, row.length) in _OF_ONE_REGISTER]
-        if not len(rows) == len(twins) == 1:
-            return False
-        named = replace(rows[0], type="bits", values=dict(sorted(names.items())), scale=1.0)
-        self.rows[self.rows.index(rows[0])] = named
-        return True
-
-    def built(self) -> ImportedMap:
-        """The map; registers of which bits have names are one value each, the one that has the register itself."""
-        for (area, address), names in self.bits.items():
-            if self._is_of_bits(area, address, names):
-                continue
-            cells = {"name": f"Bits of {address}", "type": "bits", "values": dict(sorted(names.items()))}
-            self.add(area, address, cells, f"register {address}")
-        notes = self.notes[:_MOST_NOTES]
-        if len(self.notes) > _MOST_NOTES:
-            notes.append(f"and {len(self.notes) - _MOST_NOTES} more such")
-        chart = RegisterMap(
-            one_line(self.device[:200]) or PurePath(self.file).stem,
-            tuple(_without_halves(self.rows)),
-            vendor=one_line(self.vendor[:200]),
-            word_order=self.order,
-            source=f"imported from {PurePath(self.file).name}",
-        )
-        return ImportedMap(chart, tuple(notes))
-
-
-def _together(one: MappedValue, other: MappedValue) -> MappedValue | None:
-    """Two values of a name as one, where they say the same or one of them more, as once of reading and once of writing;
-    None where they say different things."""
-    plain = MappedValue(one.area, one.address, one.name, one.type, one.order, one.length)
-    rows = [(row, [part for part in _TOLD if getattr(row, part) != getattr(plain, part)]) for row in (one, other)]
-    first, second = ({part: getattr(row, part) for part in parts} for row, parts in rows)
-    access = "".join(sorted({*one.access, *other.access, *"r" * (one.access != other.access)}))
-    return replace(one, **first | second, access=access) if first | second == second | first else None
-
-
-def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
-    """The rows; two neighbours that are named as the words of one value are that value."""
-    done = [*rows[:1]]
-    for row in rows[1:]:
-        last = done[-1]
-        first, second = form("half", last.name), form("half", row.name)
-        marks = {first.get("low", "low") == "", second.get("low", "low") == ""}  # whether it is the high one
-        if len(marks) > 1 and first.get("name", "") == second.get("name") and row.address == last.address + 1:
-            order = "CDAB" if first["low"] else "ABCD"
-            done[-1] = replace(last, name=first["name"], type=_WIDER.get(last.type[0], "u32"), length=2, order=order)
-        else:
-            done.append(row)
-    return done
-
-
-_TOLD: Final = tuple(part.name for part in fields(MappedValue) if part.name not in ("access", "group"))
-_OF_ONE_REGISTER: Final = {("u16", 1), ("s16", 1), ("bits", 1)}  # whose bits may have names
-_WIDER: Final = {"s": "s32", "f": "f32"}
-_LENGTH: Final = ("length",)
-_FACTOR: Final = ("scale", "offset")
-_UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR, "unit"), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
-"""What a type cannot have: a coil is a bool, a text has no factor, others have the length that they have."""
-
-
-def scaled(scale: float, offset: float = 0.0) -> dict[str, object]:
-    """Cells of value = raw * scale + offset, without the noise of binary fractions."""
-    return {"scale": f"{scale:.10g}", "offset": f"{offset:.10g}" if offset else None}
-
-
-def whole_in(value: object) -> int | None:
-    """A whole number, decimal or hex, None where it is none."""
-    try:
-        return whole_number("address", value)
-    except CellError:
-        return None
-
-
-def count_in(value: object, usual: int = 0) -> int:
-    """A whole number other than 0; the usual one where there is none."""
-    return whole_in(value) or usual
-
-
-def mappings(content: object) -> Iterable[Mapping[str, Any]]:
-    """The mappings of a list, or the one that stands alone."""
-    match content:
-        case Mapping():
-            return [content]
-        case list():
-            return [item for item in content if isinstance(item, Mapping)]
-    return []

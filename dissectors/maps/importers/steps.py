@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final
 
+from ..cells import count_in, whole_in
+from ..records import mappings
 from ..vocabulary import expression
-from .source import MapSource, count_in, mappings, whole_in
+from .source import MapSource
 
 Record = dict[str, Any]
 Step = Callable[[MapSource, Iterator[Record], Mapping[str, Any]], Iterator[Record]]

@@ -11,7 +11,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from .source import ImportedMap, MapSource, count_in, mappings, whole_in
+from ..cells import count_in, whole_in
+from ..records import mappings
+from .builder import ImportedMap
+from .source import MapSource
 
 _BASES: Final = {1: 40002}
 _AFTER_COMMON: Final = 40070

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, islice, zip_longest
 from typing import Final
 
-from ..cells import CellError, area_and_address
+from ..cells import CellError, area_and_address, whole_in
 from ..facts import facts_of, scaled_by
 from ..headings import (
     TableHeading,
@@ -27,7 +27,7 @@ from ..headings import (
     with_composed,
     without_width,
 )
-from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
+from ..model import DIGIT_OF_AREA, READ_ONLY_AREAS, VALUE_TYPES, MapArea
 from ..roles import Table, assigned, assignment, known_headings
 from ..sheets import MapSheet, column_name, notes_of_cut
 from ..titles import Titles, footnotes_in, is_title, text_of, texts_alone, without_codes
@@ -47,7 +47,8 @@ from ..written import (
     states_in,
     type_of,
 )
-from .source import ImportedMap, MapBuilder, MapSource, whole_in
+from .builder import ImportedMap, MapBuilder
+from .source import MapSource
 
 _JOINTS: Final = (" ", "\n")  # before what goes on below: a text, states
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
@@ -325,8 +326,8 @@ class _TableRows:
     def _accesses(self, cells: Cells, told: str, area: MapArea) -> Iterator[str | None]:
         """What is said of the access to a register, the nearest first; what titles say is of what can be written."""
         yield access_of(cells) or self.heading.rights.get(cells.get("access", ""))
-        yield "r" * (area in ("input", "discrete"))
-        yield told and meaning("access", told.lower())
+        yield "r" * (area in READ_ONLY_AREAS)
+        yield meaning("access", told.lower())
         yield access_said(self.above, codes=self.heading.of_functions)
         yield self.titles.access
         yield self.titles.accesses.get(area)
