@@ -24,6 +24,7 @@ _VERSION = 1
 _LONGEST = 64 << 20  # bytes
 K = TypeVar("K")
 Place = tuple[int, int]  # port, offset of the row's first byte
+_Kept = tuple[dict[Place, str], Place | None, dict[tuple[int, int, int], str]]  # comments, reference, types
 
 
 class NotesError(RtuscopeError):
@@ -39,7 +40,7 @@ class Notes:
     reference: Place | None = None
     types: dict[tuple[int, int, int], str] = field(default_factory=dict)  # of registers: unit, area, address
     _before: list[tuple[Place, str | None]] = field(default_factory=list, compare=False)  # changed, to undo
-    _kept: Notes | None = field(default=None, compare=False, repr=False)  # as they stood in the file last
+    _kept: _Kept = field(default_factory=lambda: ({}, None, {}), compare=False)  # as they stood in the file last
 
     @classmethod
     def beside(cls, capture: Path | None) -> Notes:
@@ -47,7 +48,7 @@ class Notes:
         if capture is None:
             return cls()
         notes = cls._read(capture.with_name(capture.name + ".rtuscope.json"))
-        notes._kept = notes._copied()
+        notes._kept = notes._values
         return notes
 
     @classmethod
@@ -140,30 +141,32 @@ class Notes:
         with captures.replacing(self.path, private=True) as out:
             text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
             out.write(text.encode(errors="backslashreplace"))  # half a surrogate pair comes out as JSON writes it
-        self._kept = self._copied()
+        self._kept = self._values
 
-    def _copied(self) -> Notes:
-        return Notes(self.path, dict(self.comments), self.reference, dict(self.types))
+    @property
+    def _values(self) -> _Kept:
+        return dict(self.comments), self.reference, dict(self.types)
 
     def _take_in_others(self, path: Path) -> None:
         """What another window has changed in the file since this one read or wrote it; CaptureError."""
-        kept = self._kept or Notes()
+        comments, reference, types = self._kept
         try:
-            theirs = self._read(path) if path.exists() else kept
+            theirs = self._read(path)._values if path.exists() else self._kept
         except NotesError as error:
             raise captures.CaptureError(str(error)) from error
-        _take_changes(self.comments, kept.comments, theirs.comments)
-        _take_changes(self.types, kept.types, theirs.types)
-        if theirs.reference != kept.reference == self.reference:
-            self.reference = theirs.reference
+        _take_changes(self.comments, comments, theirs[0])
+        _take_changes(self.types, types, theirs[2])
+        if theirs[1] != reference == self.reference:
+            self.reference = theirs[1]
 
 
 def _take_changes(mine: dict[K, str], kept: Mapping[K, str], theirs: Mapping[K, str]) -> None:
     """Into `mine` what differs between `kept` and `theirs`, where mine has not changed it, too."""
-    for key in {*kept, *theirs}:
-        if kept.get(key) != theirs.get(key) and mine.get(key) == kept.get(key):
-            mine.pop(key, None)
-            mine |= {key: theirs[key]} if key in theirs else {}
+    changed = {key for key, _ in kept.items() ^ theirs.items()}
+    taken = {key for key in changed if mine.get(key) == kept.get(key)}
+    for key in taken:
+        mine.pop(key, None)
+    mine |= {key: theirs[key] for key in taken & theirs.keys()}
 
 
 def _register(text: str) -> tuple[int, int, int]:

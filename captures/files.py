@@ -185,6 +185,10 @@ class Unfinished:
         self.stopped = stopped
         self.path: Path | None = None
 
+    def where(self, target: str) -> str:
+        """Where what was written is."""
+        return str(self.path or target)
+
     def set_aside(self, part: Path, target: Path) -> None:
         """Give a part a name beside the file that stays."""
         names = (target.with_name(f"{target.stem}.partial{n}{target.suffix}") for n in ("", *range(2, 1000)))

@@ -88,9 +88,8 @@ def asks(found: Unserved | None) -> Mapping[str, Any]:
     """The numbers by which a cause names the reason, and what to ask instead; people are told of what is not asked yet."""
     if found is None:
         return {"asks": ()}
-    asked = {*found.well}
     return {
         "reason": found.reason,
         "ask_instead": tuple(request.adu.hex() for request in found.ask_instead),
-        "asks": tuple(spaced(request) for request in found.ask_instead if request not in asked)[:SHOWN],
+        "asks": tuple(map(spaced, found.untried[:SHOWN])),
     }

@@ -147,7 +147,7 @@ def run(arguments: argparse.Namespace) -> int:
         tell_user(f"{arguments.output}: this format cannot store {', '.join(lost)}")
     if unlike := [_OPTIONS[name] for name in unlike_settings(opened) if name in _OPTIONS]:
         tell_user(f"{arguments.output}: the captures differ in {', '.join(unlike)}; give these where you read it")
-    line = f"{unfinished.path or arguments.output}: {captured_words(written.reads, written.bytes)}"
+    line = f"{unfinished.where(arguments.output)}: {captured_words(written.reads, written.bytes)}"
     print(harmless(line), file=sys.stderr if to_stdout else sys.stdout)
     if stopped:
         tell_partial(unfinished.path)

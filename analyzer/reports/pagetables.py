@@ -198,12 +198,17 @@ def _poll_cells(row: PollRow) -> tuple[str, ...]:
     return (
         f"{page_words('unit {unit}', unit=row.unit)} {poll_words(row)}",
         compact(row.asked),
-        decimal(f"{row.ok / row.asked:.0%}") if row.ok + row.wasted else "-",  # of a broadcast no answer is waited for
+        _share_of(row),
         _number(row.wasted),
         "?" if row.period_ns is None else duration(row.period_ns),
         "?" if row.jitter_ns is None else duration(row.jitter_ns),
         "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} {unit_word('B')}",
     )
+
+
+def _share_of(row: PollRow) -> str:
+    """How many of its requests got a good answer; of broadcasts no answer is waited for."""
+    return decimal(f"{row.ok / row.asked:.0%}") if row.ok + row.wasted else "-"
 
 
 def poll_words(row: PollRow) -> str:

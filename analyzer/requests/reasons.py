@@ -57,6 +57,11 @@ class Unserved:
     ask_instead: tuple[Request, ...]
 
     @property
+    def untried(self) -> Sequence[Request]:
+        """What to ask instead that is not asked already: what is would stand under other names."""
+        return [request for request in self.ask_instead if request not in self.well]
+
+    @property
     def is_silent(self) -> bool:
         """Whether most of them stay without an answer, and are not refused."""
         return 2 * self.got.get(int(Got.SILENCE), 0) > sum(self.got.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import groupby, pairwise
 from typing import Final
 
@@ -13,7 +13,7 @@ from .choosing import label_in
 from .judging import ByteJudge, frames_over, lenient
 from .loglines import LogLine
 from .runs import FLOORS, ByteRun, Experience, covered
-from .tokens import JOINED, NumberToken, holds_numbers, nth, skeleton_of, tokens_of
+from .tokens import JOINED, NumberToken, holds_numbers, nth, skeleton_in, skeleton_of, tokens_of
 from .tools import names_a_way
 
 COLUMN_SHAPE: Final = "column"
@@ -162,8 +162,10 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
     fields = {name for name in names if name in experience.columns and any(map(str.isalpha, name))}
     above: LogLine | None = None
     for line, name in zip(lines, names, strict=True):
-        way = experience.columns.get(name) or _way_of_emptier(name, experience.columns)
-        if is_of_column(line) or (holds_bytes(line) and len(fields) > 1):
+        way = experience.columns.get(name) or _way_of_emptier(line, experience)
+        if is_of_column(line):
+            above, experience.shown[name] = None, line.clean
+        elif holds_bytes(line) and len(fields) > 1:
             above = None
         elif way is not None and (part := (cell := nth(tokens_of(line, way[1]), way[0])).value(way[1])):
             take_tokens(line, [cell], part)
@@ -171,18 +173,22 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
             above = line
 
 
-def _way_of_emptier(skeleton: str, known: Mapping[str, tuple[int, str]]) -> tuple[int, str] | None:
+def _way_of_emptier(line: LogLine, experience: Experience) -> tuple[int, str] | None:
     """The way of rows that leave a cell empty in which this one has a word, as of an error."""
-    cells = _cells_of(skeleton)
-    for other, way in known.items():
-        theirs = _cells_of(other)
-        if _LEAST_CELLS <= len(theirs) == len(cells) and all(map(lambda *two: two[0] in ("", two[1]), theirs, cells)):
-            return way
+    cells = _cells_of(line.clean)
+    for name, text in experience.shown.items():
+        theirs = _cells_of(text)
+        if _LEAST_CELLS <= len(theirs) == len(cells) and all(map(_is_fuller, cells, theirs)):
+            return experience.columns.get(name)
     return None
 
 
-def _cells_of(skeleton: str) -> list[str]:
-    return skeleton.replace(";", ",").replace("|", ",").split(",")
+def _cells_of(row: str) -> list[str]:
+    return row.replace(";", ",").replace("|", ",").split(",")
+
+
+def _is_fuller(cell: str, other: str) -> bool:
+    return not other.strip() or skeleton_in(cell) == skeleton_in(other)
 
 
 def _is_right_below(above: LogLine, line: LogLine) -> bool:

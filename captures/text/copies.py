@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 from .columns import COLUMN_SHAPE
@@ -100,12 +101,12 @@ def leave_out_buffers(lines: Sequence[LogLine], experience: Experience) -> None:
     That a log shows one is known where it was not empty before a piece.
     """
     before, repeats = b"", []
-    for line in (line for line in lines if len(line.runs) > 1):
-        piece, buffer = line.runs[-2:]
-        if piece.label != buffer.label and buffer.data in (piece.data, before + piece.data):
-            experience.gathers |= buffer.data != piece.data
-            repeats.append((line, buffer))
-        before = buffer.data
+    for line in lines:
+        for piece, buffer in pairwise(line.runs[-2:]):
+            if piece.label != buffer.label and buffer.data in (piece.data, before + piece.data):
+                experience.gathers |= buffer.data != piece.data
+                repeats.append((line, buffer))
+            before = buffer.data
     for line, buffer in repeats if experience.gathers else ():
         line.runs.remove(buffer)
 

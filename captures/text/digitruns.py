@@ -163,8 +163,7 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
             continue
         at = end if end - match.start() > _TWO_PAIRS + len(gap) else end - 2  # `[11]: 05-10-00`: a count before them
         tokens = match[0].split(gap)
-        glued = text[end : end + 1].isalnum()
-        if glued and len(tokens) < _SOME:
+        if len(tokens) < _SOME and text[end : end + 1].isalnum():
             continue  # `00;Fault`: the beginning of a word
         data = bytes.fromhex("".join(tokens))
         level = _level_of_signed(tokens, gap.strip())
@@ -172,8 +171,6 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
             level = Writing.NUMBER  # a list of other numbers, `10:15`
         elif line.alone(match.start(), end):
             level = max(level, Writing.LIKELY)
-        if glued:
-            yield HexWindow(data[:-1], match.start(), end - 2 - len(gap), f"pairs{gap.strip()}", level)
         yield HexWindow(data, match.start(), end, f"pairs{gap.strip()}", level)
 
 

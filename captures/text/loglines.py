@@ -313,13 +313,11 @@ class LineReader:
         line.quiet = bare and line.t_ns is not None and _OCTET.search(rest) is None
 
     def _is_counted(self, line: LogLine) -> bool:
-        """Whether its only bytes are as many as the line above says, or as are left of those."""
-        heading = self._heading
-        if heading is None or len(line.runs) != 1:
-            return False
-        run = line.runs[0]
-        run.counted = heading.left == len(run.data) and not _is_worded(line, run)
-        return run.counted
+        """Whether its first bytes are as many as the line above says, or as are left of those."""
+        left = None if self._heading is None else self._heading.left
+        for run in line.runs[:1]:
+            run.counted = left == len(run.data) and not _is_worded(line, run)
+        return any(run.counted for run in line.runs)
 
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""

@@ -153,6 +153,7 @@ class Experience:
     # of lines alike: which of their numbers is a byte of a column, read how; which are a frame field by field
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)
     fields: dict[str, int] = field(default_factory=dict)
+    shown: dict[str, str] = field(default_factory=dict)  # of columns: one of their lines
     patience: Patience = field(default_factory=Patience)
 
     def of(self, label: str, shape: str) -> LabelRecord:

@@ -107,11 +107,12 @@ def _joined_in(text: str, tokens: Sequence[NumberToken]) -> Sequence[NumberToken
 
 def skeleton_of(line: LogLine) -> str:
     """A line without its numbers and the characters that they are, whoever speaks in it."""
-    return _skeleton_in(line.clean)
+    return skeleton_in(line.clean)
 
 
 @lru_cache(_REMEMBERED)
-def _skeleton_in(text: str) -> str:
+def skeleton_in(text: str) -> str:
+    """The same of a text."""
     return either_way(" ".join(_NUMBER.sub("", text).lower().split())).replace("<", ">")
 
 

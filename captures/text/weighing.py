@@ -41,7 +41,7 @@ _TOKEN, _COMPUTED, _COUNT, _SIZE, _UNIT = (
         r"\w+",
         r"\b(?:expect\w*|actual|calculat\w*|comput\w*|should be)\b\W{0,5}(?:0x)?$",
         r"(?<![\w.])(?:(\d{1,4}) ?|(?:single|one)[ -])(?:bytes?|байта?|字节)\b(?: frame)?\)?[\s:=]{1,3}(?:0x)?$",
-        r"(?<![\w.])(\d{1,4})\W{1,4}$",
+        r"(?:(?<![\w.])(\d{1,4})\W{1,4})?$",
         r"\.\d|\s?(?:[muµ]s|ns|мк?с|сек|m[VA]|kWh?|k?Hz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)",
     )
 )
@@ -72,10 +72,12 @@ class LinesAround:
         return frozenset(chain.from_iterable(group for group in groups if len(group) >= _LEAST_ROWS))
 
     @cached_property
-    def tell_sizes(self) -> bool:
-        """Whether a number stands right before all that is right, and is its size: `Answer;8;02030000…`."""
-        right = [(line, run) for line in self._lines for run in line.runs if is_whole(run)]
-        return len(right) >= _LEAST_ROWS and all(_size_before(line, run) == len(run.data) for line, run in right)
+    def sized(self) -> frozenset[int]:
+        """Numbers of the lines whose last run has the size that stands right before it, as all have that are right."""
+        last = [(line, line.runs[-1]) for line in self._lines if line.runs]
+        told = frozenset(line.number for line, run in last if _size_before(line, run) == str(len(run.data)))
+        right = {line.number for line, run in last if is_whole(run)}
+        return told if _LEAST_ROWS <= len(right & told) == len(right) else frozenset()
 
     @cached_property
     def below(self) -> dict[int, LogLine]:
@@ -84,10 +86,10 @@ class LinesAround:
         return {one.number: other for one, other in pairwise(shown)}
 
 
-def _size_before(line: LogLine, run: ByteRun) -> int | None:
-    """The number right before a run."""
-    size = _SIZE.search(line.clean[max(run.start - _NEAR, 0) : run.start])
-    return None if size is None else int(size[1])
+def _size_before(line: LogLine, run: ByteRun) -> str:
+    """The number right before a run; empty where there is none."""
+    sizes: list[str] = _SIZE.findall(line.clean[max(run.start - _NEAR, 0) : run.start])
+    return sizes[0].lstrip("0")
 
 
 class SingleByte(NamedTuple):
@@ -158,9 +160,7 @@ class Feature(NamedTuple):
 
 
 def _is_counted(span: SeenRun) -> bool:
-    """Whether the words above or before say that just so many bytes follow, or a number that says it in other lines."""
-    if span.run.counted or (span.around.tell_sizes and _size_before(span.line, span.run) == len(span.run.data)):
-        return True
+    """Whether the words before say that just so many bytes follow."""
     count = _COUNT.search(span.line.clean[max(span.run.start - _NEAR, 0) : span.run.start])
     return count is not None and int(count[1] or 1) == len(span.run.data)
 
@@ -248,6 +248,8 @@ LOOKS: Final = (  # the first that holds
     Feature("byte by byte", 0.0, lambda s: s.line.number in s.around.bytewise),
     Feature("behind a cut", 0.0, _is_behind_cut),
     Feature("counted", _RIGHT, _is_counted),
+    Feature("counted above", _RIGHT, lambda s: s.run.counted),
+    Feature("sized", _RIGHT, lambda s: s.run is s.line.runs[-1] and s.line.number in s.around.sized),
     Feature("ruler", NEVER, lambda s: s.run.level is Writing.NUMBER and is_ruler(_TOKEN.findall(s.shown))),
     Feature("half a byte", NEVER, lambda s: s.run.halved and not s.learnt.other),
     Feature("measured", NEVER, _is_measured),
