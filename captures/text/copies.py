@@ -194,7 +194,7 @@ def _part_of_two(earlier: _Entry, entry: _Entry, *, turned: bool) -> _Entry | No
 def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
     """Whether an answer repeats the request above, all of it or as far as it came: both speak for themselves."""
     heard = experience.of(*earlier.template).voice and experience.of(*entry.template).voice
-    return heard and (earlier.mark != entry.mark or not entry.mark)
+    return heard and not earlier.mark == entry.mark != 0
 
 
 def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:
@@ -231,7 +231,7 @@ def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
 
     That a log does so is known where bytes without a right check value are the beginning of a frame behind them.
     """
-    begins = len(earlier.data) < len(entry.data) and entry.data.startswith(earlier.data)
+    begins = entry.data[:-1].startswith(earlier.data)
     if not begins or earlier.checked or earlier.template != entry.template or not earlier.template[0]:
         return False
     if entry.checked:
