@@ -101,8 +101,10 @@ def tell_user(text: str) -> None:
 
 def tell_partial(aside: Path | None) -> None:
     """That not all was written; where that is, as a file that was there stays."""
-    where = "" if aside is None else f" in {aside}; the file that was there stays"
-    tell_user(f"interrupted; partial output is kept{where}")
+    if aside is None:
+        tell_user("interrupted; partial output is kept")
+    else:
+        tell_user(f"interrupted; partial output is kept in {aside}; the file that was there stays")
 
 
 def say_in_place(text: str) -> None:
