@@ -316,7 +316,7 @@ class LineReader:
         """Whether its first bytes are as many as the line above says, or as are left of those."""
         left = None if self._heading is None else self._heading.left
         for run in line.runs[:1]:
-            run.counted = left == len(run.data) and not _is_worded(line, run)
+            run.counted = all((left == len(run.data), line.begins_with(run), line.ends_with(run)))
         return any(run.counted for run in line.runs)
 
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
