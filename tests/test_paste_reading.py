@@ -448,6 +448,7 @@ def test_any_bytes_are_read_and_tiled(data, envelope, role):
 # what is left of one RTU line would be a frame with the next, but for the Modbus TCP line between them
 @example([REQUEST, "00", "01", "00", "\n", MBAP, "\n", "3A 30 31 0D 0A", REQUEST])
 @example(["00", REQUEST, "\n", "01", REQUEST])  # two lines number none
+@example(["00", MBAP, "\n", "01"])  # nor does what stands before a frame as its bytes do
 @example(["11", ANSWER, "\n", "00"])  # 11 bytes behind 11: in nothing but bytes it is no count of them
 @settings(deadline=None)
 @given(

@@ -94,8 +94,15 @@ def _fields_in(tokens: Sequence[NumberToken], counted: Sequence[NumberToken], te
     if counted:
         yield counted, _joined_up([token.decimal for token in counted])
     plain = _without_names(fields, text)
-    for some in (fields, fields[1:], plain, plain[1:]):
+    for some in (fields, _behind_number(fields, text), plain, _behind_number(plain, text)):
         yield some, _joined_up([token.hexadecimal for token in some])
+
+
+def _behind_number(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
+    """Those behind the number of a line, which is not as wide as the next, or stands apart from it otherwise."""
+    gaps = {text[one.end : other.start] for one, other in pairwise(tokens[:3])}
+    widths = {len(token.digits) for token in tokens[:2]}
+    return tokens[len(gaps) + len(widths) > 2 :]
 
 
 def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
