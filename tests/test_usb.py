@@ -111,6 +111,16 @@ def test_status_of_ftdi_is_no_byte_of_the_line(tmp_path: Path, link: int, size: 
     assert carried(path) == TALK
 
 
+@pytest.mark.parametrize("size", [64, 512])
+def test_a_line_that_was_long_idle_is_read(tmp_path: Path, size: int) -> None:
+    """Status comes every 16 ms: it is all that the beginning of such a capture has."""
+    idle: list[Packet] = [(90 + i / 60, 5, IN, BULK, b"", b"\x01\x60") for i in range(1000)]
+    talked = talk(5, lambda data: with_status(data, size))
+    path = tmp_path / "usb.pcap"
+    path.write_bytes(pcap(sorted([*talked, *idle], key=lambda packet: packet[0]), 249))
+    assert carried(path) == TALK
+
+
 def test_other_devices_are_no_lines(tmp_path: Path) -> None:
     disk: list[Packet] = [(100.05 + i / 10, 9, (OUT, IN)[i % 2], BULK, b"", b"USBC" + bytes(27)) for i in range(8)]
     path = tmp_path / "usb.pcap"

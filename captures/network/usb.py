@@ -7,6 +7,7 @@ it sends (FTDI AN232B-04). The speed that a driver sets is read where it stands 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -45,6 +46,7 @@ _BULK, _CONTROL = 3, 2
 _TO_HOST: Final = 0x80  # of an endpoint
 _STATUS: Final = 2  # bytes before each packet of an FTDI adapter
 _PACKET_SIZES: Final = (64, 512)  # of full and of high speed
+_SIZES: Final = np.array((0, _STATUS, _PACKET_SIZES[0]))  # up to which transfers carry nothing, status, one packet
 _MODEM, _IDLE = 0x01, 0x60  # the bits that its two bytes of status have: always, and while it does not send
 _MOSTLY: Final = 0.5
 _SET_LINE_CODING: Final = bytes((0x21, 0x20))
@@ -60,7 +62,18 @@ class _Adapter:
     name: str
     reads: list[tuple[Mark, bytes]] = field(default_factory=list)
     baud: int | None = None
+    seen: Counter[int] = field(default_factory=Counter)  # reads that were looked at, by kinds of size
     status: int = 0  # bytes of a packet that begins with status; 0: none does
+
+    def sample(self, size: Ints) -> Ints:
+        """Which transfers to look at, by their sizes (negative: of another device): some of each, for most are idle."""
+        kinds = np.searchsorted(_SIZES, size)
+        chosen: list[Ints] = []
+        for kind in range(1, len(_SIZES) + 1):
+            some = np.flatnonzero(kinds == kind)[: SAMPLE - self.seen[kind]]
+            self.seen[kind] += len(some)
+            chosen.append(some)
+        return np.sort(np.concatenate(chosen))
 
     def learn(self) -> None:
         """Whether it is of FTDI: its packets begin so, also those with nothing else, which come all the time."""
@@ -152,7 +165,7 @@ class UsbLines:
     def _meet(self, data: Bytes, transfers: _Transfers) -> None:
         for key in np.unique(transfers.device).tolist():
             device = self._device(key)
-            mine = np.flatnonzero(transfers.device == key)[: SAMPLE * 4 - len(device.reads)]
+            mine = device.sample(np.where(transfers.device == key, transfers.size, -1))
             for begin, size, inward in zip(
                 *(column[mine].tolist() for column in (transfers.begin, transfers.size, transfers.inward)), strict=True
             ):
