@@ -27,9 +27,9 @@ def usbmon_packets(file: BinaryIO) -> Iterator[bytes]:
         with suppress(ValueError, LookupError, struct.error):
             tag, shown_us, *words = line.decode("ascii").split()
             us = int(shown_us)
-            packet = _packet(int(tag, 16), words, us + (wraps + (us < newest - _WRAP_US // 2)) * _WRAP_US)
-            wraps += us < newest - _WRAP_US // 2
-            newest = us
+            turns = wraps + (us < newest - _WRAP_US // 2)
+            packet = _packet(int(tag, 16), words, us + turns * _WRAP_US)
+            newest, wraps = us, turns
             yield packet
 
 

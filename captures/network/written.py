@@ -69,26 +69,26 @@ def dissected_packets(file: BinaryIO) -> Iterator[bytes]:
 
     All are of the first one's encapsulation. Of a packet's dumps the first is the packet.
     """
-    left, octets = 0, b""
+    size, octets = 0, b""
     link: int | None = None
     time: Decimal | None = None
     for line in file:
         name, _, told = line.strip().partition(b":")
         with suppress(LookupError, ValueError, InvalidOperation):
             if line.startswith(b"Frame "):
-                left, octets, time = int(told.split(b", ")[1].split()[0]), b"", None
-            elif name == b"Encapsulation type" and not octets:
-                number = int(told.rpartition(b"(")[2].rstrip(b")"))
-                if link is None:
-                    link = _LINKS.get(number, _UNKNOWN)
-                    yield _HEAD.pack(*_NS, link)
+                size, octets, time = int(told.split(b", ")[1].split()[0]), b"", None
+            elif name == b"Encapsulation type" and link is None:
+                link = _LINKS.get(int(told.rpartition(b"(")[2].rstrip(b")")), _UNKNOWN)
+                yield _HEAD.pack(*_NS, link)
             elif name in _EPOCHS:
                 time = Decimal(told.split()[0].decode())
-            elif left and time is not None and link is not None:
-                row = bytes.fromhex(line.partition(b"  ")[2].partition(b"   ")[0].decode())[:left]
-                octets, left = octets + row, left - len(row)
-                if not left:
-                    yield struct.pack("<IIII", *divmod(int(time * 10**9), 10**9), len(octets), len(octets)) + octets
+            elif size and time is not None and link is not None:
+                place, _, row = line.partition(b"  ")
+                octets = octets[: int(place, 16)] + bytes.fromhex(row.partition(b"   ")[0].decode())
+                if len(octets) >= size:
+                    head = struct.pack("<IIII", *divmod(int(time * 10**9), 10**9), size, size)
+                    size, octets = 0, octets[:size]
+                    yield head + octets
 
 
 def _flat(tree: object) -> Iterator[tuple[str, str]]:
