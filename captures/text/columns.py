@@ -171,7 +171,8 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
     for line, name in zip(lines, names, strict=True):
         way = experience.columns.get(name) or _way_of_emptier(line, experience)
         if is_of_column(line):
-            above, experience.shown[name] = None, line.clean
+            above = None
+            experience.shown[len(_cells_of(line.clean))] = line.clean, experience.columns.get(name)
         elif holds_bytes(line) and len(fields) > 1:
             above = None
         elif way is not None and (part := (cell := nth(tokens_of(line, way[1]), way[0])).value(way[1])):
@@ -183,11 +184,8 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
 def _way_of_emptier(line: LogLine, experience: Experience) -> tuple[int, str] | None:
     """The way of rows that leave a cell empty in which this one has a word, as of an error."""
     cells = _cells_of(line.clean)
-    for name, text in experience.shown.items():
-        theirs = _cells_of(text)
-        if _LEAST_CELLS <= len(theirs) == len(cells) and all(map(_is_fuller, cells, theirs)):
-            return experience.columns.get(name)
-    return None
+    other, way = experience.shown.get(len(cells), ("", None))
+    return way if len(cells) >= _LEAST_CELLS and all(map(_is_fuller, cells, _cells_of(other))) else None
 
 
 def _cells_of(row: str) -> list[str]:

@@ -153,7 +153,8 @@ class Experience:
     # of lines alike: which of their numbers is a byte of a column, read how; which are a frame field by field
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)
     fields: dict[str, int] = field(default_factory=dict)
-    shown: dict[str, str] = field(default_factory=dict)  # of columns: one of their lines
+    # by how many cells they have: the newest line of a column, and which of its numbers is the byte
+    shown: dict[int, tuple[str, tuple[int, str] | None]] = field(default_factory=dict)
     patience: Patience = field(default_factory=Patience)
 
     def of(self, label: str, shape: str) -> LabelRecord:
