@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from .chunks import Block, Capture, Note
 from .errors import CaptureError
 from .line import DIRECTIONS_NOTE, PROTOCOLS_NOTE, LineSettings
 from .recording.notes import Note as LineNote
+
+if TYPE_CHECKING:
+    from .edges.source import BitSpans
 
 Spans = Mapping[int, Sequence[tuple[int, int]]]  # by port: stretches of its stream, in order, none overlapping another
 Times = Sequence[tuple[int, int]]  # stretches of time in ns, both ends in them, in order
@@ -39,6 +42,11 @@ def cut_to_times(capture: Capture, times: Times) -> Capture:
     if not capture.timed:
         raise CaptureError(f"{capture.path or 'the capture'}: has no timestamps to cut by: use --frames")
     return _made(_CutToTimes(capture, capture.line, capture.timed, times), capture)
+
+
+def of_port(capture: Capture, port: int) -> Capture:
+    """What came in at one port, which keeps its number."""
+    return _made(_OfPort(capture, capture.line, capture.timed, port), capture)
 
 
 def merged(captures: Sequence[Capture], names: Sequence[str] = ()) -> Capture:
@@ -66,7 +74,7 @@ def unlike_settings(captures: Sequence[Capture]) -> list[str]:
     return [name for name in _SETTINGS if any(getattr(line, name) != getattr(lines[0], name) for line in lines)]
 
 
-def _made(source: _Shifted | _CutToSpans | _CutToTimes, capture: Capture) -> Capture:
+def _made(source: _Shifted | _CutToSpans | _CutToTimes | _OfPort, capture: Capture) -> Capture:
     return Capture(source, path=capture.path, format=capture.format, notices=capture.notices)
 
 
@@ -169,6 +177,32 @@ class _CutToSpans:
                     inside[max(begin - first, 0) : max(end - first, 0)] = True
                 inside_spans[mine] = inside
             yield block if inside_spans.all() else _of_bytes(block, inside_spans)
+
+
+@dataclass(frozen=True, slots=True)
+class _OfPort:
+    capture: Capture
+    line: LineSettings
+    timed: bool
+    port: int
+
+    def notes(self) -> list[LineNote]:
+        return self.capture.notes()
+
+    @property
+    def spans(self) -> BitSpans | None:
+        return self.capture.spans
+
+    def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
+        heard: set[int] = set()
+        for block in self.capture.blocks(max_bytes):
+            heard.update(np.unique(block.port).tolist())
+            yield block.taken(np.flatnonzero(block.port == self.port))
+        for damage in self.capture.damage:
+            note(damage.where, damage.what)
+        if heard and self.port not in heard:
+            others = ", ".join(map(str, sorted(heard)))
+            raise CaptureError(f"{self.capture.path or 'the capture'}: has no port {self.port}; its ports: {others}")
 
 
 def _unheard(_where: str, _what: str) -> None:

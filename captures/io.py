@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from .chunks import Block, Capture, Chunk, Note, Source, spans_of
+from .editing import of_port
 from .errors import CaptureError
 from .files import read_head, replacing
 from .formats import Format, RecognisedFormat, by_name, claimed, for_writing, likely, recognise
@@ -37,6 +38,7 @@ def open(
     polarity: str | None = None,
     tz: str | tzinfo | None = None,
     sample_rate: float | None = None,
+    only_port: int | None = None,
     judge: ByteJudge = no_judge,
 ) -> Capture:
     """The capture in a file, its format seen from content and suffix, or given by name; `-` is standard input.
@@ -45,10 +47,10 @@ def open(
     N, E, O, M or S, `bits` data bits, `stop` stop bits: the line's settings, whatever the file says; what nobody says
     is inferred where the bytes tell it, and said in `notices`. `polarity` of edges: `normal`, or `inverted` for a line
     that is low when idle. `tz` is the zone of times without one: a name such as Europe/Berlin, an offset such as
-    +03:00, or a tzinfo; `sample_rate`, in Hz, that of a log that counts samples. `judge` says which bytes have right
-    check values, by which a log's bytes are told from its other numbers (`analyzer.open` gives one that knows Modbus).
-    Little but the head is read yet. Raises CaptureError, one
-    line for a person, where there is no usable capture.
+    +03:00, or a tzinfo; `sample_rate`, in Hz, that of a log that counts samples; `only_port` leaves out all ports but
+    this one. `judge` says which bytes have right check values, by which a log's bytes are told from its other numbers
+    (`analyzer.open` gives one that knows Modbus). Little but the head is read yet. Raises CaptureError, one line for a
+    person, where there is no usable capture.
     """
     path = Path(path)
     zone = time_zone(tz) if isinstance(tz, str) else tz
@@ -66,7 +68,8 @@ def open(
         source = _read(recognised.format, file, {**settings, "sample_rate": sample_rate, "judge": judge})
         opened = _Opened(source, source.line.with_settings(baud, parity, bits, stop), source.timed, file)
         notices = [f"{file.name}: {recognised.doubt}"] if recognised.doubt else []
-        return _capture(opened, path, recognised.format, notices)
+        capture = _capture(opened, path, recognised.format, notices)
+        return capture if only_port is None else of_port(capture, only_port)
     except BaseException:
         file.remove()
         raise

@@ -23,6 +23,7 @@ from ..options import Options
 from ..requests.reasons import Unserved
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Bools, Int64s, Kind, Protocol, Rows
+from ..tables.separatelines import SeparateLines
 from ..tables.transactions import NEVER, Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
 from .exchanges import Ending, ExchangeBuilder, Exchanges, Stretch
@@ -68,6 +69,7 @@ class Ledger:
     end: int = 0
     clock: TapClock = field(init=False)
     verdict: ModbusVerdict = field(default_factory=ModbusVerdict)
+    lines: SeparateLines = field(default_factory=SeparateLines)
     units: dict[int, UnitLedger] = field(default_factory=dict)
     polls: PollTable = field(default_factory=PollTable)
     table: ExchangeTable = field(default_factory=ExchangeTable)
@@ -197,6 +199,7 @@ class Ledger:
         self.spoilt += [batch.bytes_of(row) for row in spoilt[: max(_NOISE_SAMPLES - len(self.spoilt), 0)].tolist()]
         self._count_noise(batch, (~framed).nonzero()[0])
         count_by_port(self.ports, batch)
+        self.lines.feed(rows)
 
     def _count_noise(self, batch: Batch, noise: NDArray[np.intp]) -> None:
         length, begins = batch.rows.length[noise], batch.rows.t_start_ns[noise]

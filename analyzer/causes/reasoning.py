@@ -100,6 +100,8 @@ def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
         return Story([claim.cause for claim in claims_of(evidence, among, failures)], [], failures.parts)
+    if ledger.lines.ports:  # several lines that are read as one bus tell no story together
+        return Story([], [])
     claims = [claim for claim in claims_of(evidence, among, failures) if claim.cause.confidence > _HARDLY]
     return Story([claim.cause for claim in claims], left_over(evidence.without(_taken(claims))), failures.parts)
 

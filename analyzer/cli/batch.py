@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 from ..languages import counted, tr
 from ..words import data_size
 from .commands import DONE, FAILED, INTERRUPTED, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
+from .inputs import (
+    add_functions_argument,
+    add_limit_arguments,
+    add_reading_arguments,
+    chosen_limits,
+    load_functions,
+    reading_asked,
+)
 from .terminal import Progress, endable, interruptible, places, say_in_place, tell_user
 
 if TYPE_CHECKING:
@@ -134,12 +141,8 @@ def batch_options(arguments: argparse.Namespace) -> BatchOptions:
     except ValueError as error:
         raise UsageError(str(error)) from error
     load_functions(arguments)
-    names = ("baud", "parity", "bits", "stop", "polarity", "tz", "sample_rate")
-    reading = {name: value for name in names if (value := getattr(arguments, name)) is not None}
-    if arguments.input_format is not None:
-        reading["format"] = arguments.input_format
     functions = tuple(str(Path(path).resolve()) for path in arguments.functions)
-    return BatchOptions(reading, chosen_limits(arguments), functions, arguments.noise)
+    return BatchOptions(reading_asked(arguments), chosen_limits(arguments), functions, arguments.noise)
 
 
 def chosen_runner(arguments: argparse.Namespace) -> Runner:

@@ -14,7 +14,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta, tzinfo
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from captures.line import POLARITIES
 
@@ -133,8 +133,9 @@ _READING: Final = (
     "polarity",
     "tz",
     "sample_rate",
+    "only_port",
 )  # what `captures.open` takes besides the format
-_LAST_UNIT: Final = 255
+_LAST: Final = 255
 _COMPLAINTS: Final = 5  # complaints printed; the rest are counted
 
 
@@ -166,6 +167,9 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     add_zone_argument(group)
     group.add_argument(
         "--sample-rate", type=float, metavar="HZ", help="for a log or table with sample numbers (sigrok-cli -A)"
+    )
+    group.add_argument(
+        "--only-port", type=_port_number, metavar="N", help="read only port N of a capture that holds several lines"
     )
 
 
@@ -209,8 +213,15 @@ def zone_name(text: str) -> str:
 
 def unit_number(text: str) -> int:
     """A unit's number, for argparse."""
-    if not text.isdecimal() or int(text) > _LAST_UNIT:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a unit address (0 to {_LAST_UNIT})")
+    if not text.isdecimal() or int(text) > _LAST:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a unit address (0 to {_LAST})")
+    return int(text)
+
+
+def _port_number(text: str) -> int:
+    """The number of a capture's port, for argparse."""
+    if not text.isdecimal() or int(text) > _LAST:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port's number (0 to {_LAST})")
     return int(text)
 
 
@@ -361,8 +372,13 @@ def capture_as_asked(path: str, arguments: argparse.Namespace) -> Capture:
 
     from ..paste import judge
 
-    reading = {name: getattr(arguments, name) for name in _READING}
-    return captures.open(path, format=arguments.input_format, judge=judge, **reading)
+    return captures.open(path, judge=judge, **reading_asked(arguments))
+
+
+def reading_asked(arguments: argparse.Namespace) -> dict[str, Any]:
+    """How captures are to be read, as far as it was asked for: keywords of `captures.open`."""
+    asked = {"format": arguments.input_format, **{name: getattr(arguments, name) for name in _READING}}
+    return {name: value for name, value in asked.items() if value is not None}
 
 
 def given_reading(arguments: argparse.Namespace) -> list[str]:

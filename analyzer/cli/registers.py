@@ -299,8 +299,9 @@ def gathered(
     from ..registers.readings import RegisterReadings
     from ..registers.recognition import UnitTexts
     from ..registers.requests import AskedRequests
+    from ..tables.separatelines import SeparateLines
 
-    asked = AskedRequests()
+    asked, lines = AskedRequests(), SeparateLines()
     readings = RegisterReadings() if most is None else RegisterReadings(most)
     texts, progress = UnitTexts(), Progress(f"{command} {name}")
     with interruptible() as stop:
@@ -309,12 +310,16 @@ def gathered(
             readings.feed(batch)
             texts.feed(batch)
             asked.feed(batch)
+            lines.feed(batch.rows)
             octets += len(batch.data)
             progress(readings.frames, octets)
             if stop():
                 break
     progress.clear()
     tell_damage(name, capture)
+    if ports := lines.ports:
+        listed = ", ".join(map(str, ports))
+        tell_user(f"{name}: {len(ports)} separate lines (ports {listed}) read as one: choose one with --only-port")
     if stop():
         tell_user("interrupted; only the part read so far was used")
     return RegisterTraffic(readings, texts, asked, stop())

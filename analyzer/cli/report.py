@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -85,15 +85,18 @@ def run(arguments: argparse.Namespace) -> int:
         to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)
     before = None
     if arguments.against is not None:
+        from ..reports import of_one_line
+
         earlier = opened_capture(arguments.against, arguments)
         kept = chosen_filter(arguments, earlier.line, charts)
-        before = _report(earlier, str(arguments.against), ReportTerms(kept, limits))
-    values = _values(charts, inferred=arguments.values)
-    terms = ReportTerms(chosen, limits, values, hours=arguments.by == "hour", before=before)
+        before = of_one_line(_report(earlier, str(arguments.against), ReportTerms(kept, limits)))
+    terms = ReportTerms(chosen, limits, charts, inferred=arguments.values, hours=arguments.by == "hour", before=before)
     if arguments.html is not None:
         report = write_page(capture, source, arguments.html, terms)
     else:
         report = show_report(capture, source, terms, as_json=arguments.json)
+        if not arguments.json and _is_shown_by_line(report):
+            return max(exit_status(each, check=arguments.check) for each in _show_lines(capture, report, terms))
     return exit_status(report, check=arguments.check)
 
 
@@ -134,7 +137,8 @@ class ReportTerms:
 
     filter: Filter | None = None
     options: Options | None = None
-    values: ValueWatch | None = None
+    charts: UnitMaps | None = None
+    inferred: bool = False  # values of registers as well as is known without a map
     hours: bool = False
     before: Report | None = None
 
@@ -144,7 +148,7 @@ def _report(
 ) -> Report:
     """Read a capture through; `watches` see every part of it."""
     from ..options import Options
-    from ..reports import summarize
+    from ..reports import of_one_line, summarize
     from ..reports.against import differences
     from ..reports.breakdown import HourTable
 
@@ -164,37 +168,52 @@ def _report(
             options=terms.options or Options(),
             progress=progress,
             stop=stop,
-            watch=watch if looking else None,
-            values=terms.values,
+            watch=watch,
+            values=_values(terms),
         )
     progress.clear()
     if hours is not None:
         report = replace(report, hours=hours.rows())
     if terms.before is not None:
-        report = replace(report, before=terms.before.source, against=differences(report, terms.before))
+        report = replace(of_one_line(report), before=terms.before.source, against=differences(report, terms.before))
     return report
 
 
-def _values(charts: UnitMaps, *, inferred: bool) -> ValueWatch | None:
+def _values(terms: ReportTerms) -> ValueWatch | None:
     """What gathers the values, where a map or the user asks for them."""
-    if not charts and not inferred:
+    if terms.charts is None or not (terms.charts or terms.inferred):
         return None
     from ..registers.watch import ValueWatch
 
-    return ValueWatch(charts, inferred=inferred)
+    return ValueWatch(terms.charts, inferred=terms.inferred)
 
 
 def show_report(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, as_json: bool) -> Report:
-    """Print the report on an open capture."""
+    """Print the report on an open capture, unless it holds separate lines: they are shown one by one."""
     from ..reports import text
     from ..reports.paragraphs import WIDTH
 
     report = _report(capture, source, terms)
     if as_json:
         put_json(report.to_json(), indent=2)
-    else:
+    elif not _is_shown_by_line(report):
         put_page(text(report, page_width(WIDTH)))
     return report
+
+
+def _is_shown_by_line(report: Report) -> bool:
+    return bool(report.separate_ports) and not report.partial
+
+
+def _show_lines(capture: Capture, report: Report, terms: ReportTerms) -> Iterator[Report]:
+    """A report on each line of a capture that holds several."""
+    from captures.editing import of_port
+
+    from ..reports.page import line_of_several
+
+    for place, port in enumerate(report.separate_ports):
+        put_page(("\n" if place else "") + line_of_several(report.separate_ports, port) + "\n")
+        yield show_report(of_port(capture, port), report.source, terms, as_json=False)
 
 
 def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> Report:

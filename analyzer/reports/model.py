@@ -302,6 +302,7 @@ class Report:
     foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
     not_modbus: str = ""  # the protocol that this is instead, where that is known
     clock_skew_ns: tuple[int, int] | None = None  # bounds: how far the answers' tap is ahead of the requests'
+    separate_ports: tuple[int, ...] = ()  # of lines of their own, which this counts as one bus
     rates: tuple[RateRow, ...] = ()  # of senders, where edges were captured
     filter: str = ""  # what the rest of the report is narrowed to
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus

@@ -57,6 +57,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     if report.filter:
         yield "filter", page_words("{filter} (the rest of the report covers matching rows only)", filter=report.filter)
     yield "line", line_words(report.line)
+    yield from _several_lines(report.separate_ports)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
@@ -94,6 +95,27 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         yield "clocks", _clocks(report.clock_skew_ns)
     if report.rates:
         yield "rates", _rates(report.rates)
+
+
+def _several_lines(ports: Sequence[int]) -> Iterator[tuple[str, str]]:
+    """That a capture holds more than one line, and how to look at one."""
+    if not ports:
+        return
+    words = page_words(
+        "{count} separate lines (ports {ports}), counted as one bus: waits, late answers and load are wrong; read one "
+        "with --only-port {first}",
+        count=len(ports),
+        ports=", ".join(map(str, ports)),
+        first=ports[0],
+    )
+    yield "", words
+
+
+def line_of_several(ports: Sequence[int], port: int) -> str:
+    """What stands above the page of one line of such a capture."""
+    return page_words(
+        "port {port}, one of {count} separate lines in this capture (--only-port {port})", port=port, count=len(ports)
+    )
 
 
 def _left_out(report: Report) -> Iterator[tuple[str, str]]:

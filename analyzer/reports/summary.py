@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from captures.errors import CaptureError
 from dissectors.foreign import NAMES
 from dissectors.functions import exception_name, function_name
 
@@ -23,6 +24,7 @@ from ..outages import deaf_times, notes_of
 from ..tables.bins import Histogram
 from ..tables.findings import Findings
 from ..tables.schema import Kind, Protocol, Rows
+from ..tables.separatelines import SeparateLines
 from ..tables.transactions import Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
 from ..usernotes import Notes, marked_rows
@@ -72,6 +74,7 @@ class Summary:
         self._noise_bytes = self._noise_stretches = 0
         self._foreign = np.zeros(len(NAMES), np.int64)  # bytes of other protocols, by number
         self._verdict = ModbusVerdict()
+        self._lines = SeparateLines()
         self._skew: ClockSkew | None = None
         self._noise_end = (0, -1)  # port and end of the noise that the last row was, -1 if it was none
         self._first: int | None = None
@@ -88,6 +91,11 @@ class Summary:
     def bytes(self) -> int:
         return self._bytes
 
+    @property
+    def separate_ports(self) -> tuple[int, ...]:
+        """Ports of lines of their own, of which the counts are one bus all the same; none nearly always."""
+        return self._lines.ports
+
     def feed(self, analysed: Analysed, earlier: Rows | None = None) -> None:
         """Count a batch in, with what was said of it. `earlier`: rows before it that its findings speak of as well."""
         rows = analysed.batch.rows
@@ -102,6 +110,7 @@ class Summary:
         if not len(rows):
             return
         self._verdict.feed(rows)
+        self._lines.feed(rows)
         noise = rows.kind == Kind.NOISE
         lengths = rows.length
         self._bytes += int(lengths.sum())
@@ -148,6 +157,7 @@ class Summary:
             foreign={name: int(size) for name, size in zip(NAMES, self._foreign, strict=True) if name and size},
             not_modbus=self._verdict.foreign,
             clock_skew_ns=self._skew,
+            separate_ports=self.separate_ports,
             doubtful_frames=self._doubtful,
             tcp_frames=self._tcp,
             transactions=self._counted(lambda table: table.sum()),
@@ -324,6 +334,16 @@ def summarize(
                 ledger.breaches = values.breaches()
             return with_story(report, ledger)
     return replace(report, failed=report.failed + failures.parts)
+
+
+def of_one_line(report: Report) -> Report:
+    """The report; CaptureError where it is one of several lines, of which a page can only be wrong."""
+    if report.separate_ports:
+        raise CaptureError(
+            f"{report.source}: holds {len(report.separate_ports)} separate lines (ports "
+            f"{', '.join(map(str, report.separate_ports))}): choose one, such as --only-port {report.separate_ports[0]}"
+        )
+    return report
 
 
 def with_cards(report: Report, ledger: Ledger) -> Report:

@@ -11,7 +11,7 @@ from ...options import Options
 from ...outages import unheard
 from ...version import RULES
 from ...words import duration
-from .. import summarize
+from .. import of_one_line, summarize
 from ..hashes import capture_sha256
 from ..heads import head_json, line_json
 from ..model import Report
@@ -94,7 +94,9 @@ def certify(
 ) -> Certificate:
     """Read a capture through, and hold what it says against limits."""
     tally = AcceptanceTally(capture.line.character_ns)
-    report = summarize(capture, source=source, options=options, progress=progress, stop=stop, watch=tally.feed)
+    report = of_one_line(
+        summarize(capture, source=source, options=options, progress=progress, stop=stop, watch=tally.feed)
+    )
     return Certificate(report, limits, claims_of(report, tally, limits), dict(tally.runs), capture_sha256(capture))
 
 

@@ -15,7 +15,7 @@ from ...registers.inference import infer
 from ...registers.readings import RegisterReadings
 from ...registers.recognition import Recognised, UnitTexts, recognised
 from ...registers.roles import OtherReading, RegisterValue
-from .. import summarize
+from .. import of_one_line, summarize
 from ..hashes import capture_sha256
 from ..heads import head_json, line_json
 from ..model import Report, UnitRow
@@ -198,7 +198,7 @@ def describe(
         texts.feed(analysed.batch)
         sequence.feed(analysed)
 
-    report = summarize(capture, source=source, options=options, progress=progress, stop=stop, watch=watch)
+    report = of_one_line(summarize(capture, source=source, options=options, progress=progress, stop=stop, watch=watch))
     named = {} if maps is None else maps.of(sorted({block.unit for block in readings}))
     remarks = [remark for remark in check_map(readings, named) if remark.kind == "contradiction"]
     looks = {one.unit: one for one in recognised(readings, texts, infer(readings))}
