@@ -9,8 +9,9 @@ import pytest
 pytest.importorskip("duckdb", reason="a lake is asked by DuckDB")
 pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
-from lakes import DAY_NS, batch, bus, rows, same, sliced, write_fleet
+from lakes import BEGIN_NS, DAY_NS, batch, bus, rows, same, sliced, write_fleet
 
+import captures
 from analyzer.causes import reasoning
 from analyzer.fleet import manifest as manifests
 from analyzer.fleet.batch import compact_lake
@@ -171,3 +172,15 @@ def test_of_a_manifest_only_what_is_new_is_read(sources, tmp_path, monkeypatch):
     read.clear()
     batch(lake, sources, options=BatchOptions(noise=True), manifest=kept)
     assert len(read) == 6 and same(lake, tmp_path / "whole")
+
+
+def test_a_name_that_another_recording_has_now_is_told(tmp_path):
+    path, lake = tmp_path / "site" / "bus.mcap", tmp_path / "lake"
+    path.parent.mkdir()
+    captures.write(path, bus("clean", 1, 20))
+    batch(lake, path.parent)
+    captures.write(path, bus("clean", 1, 30))  # it has grown
+    assert batch(lake, path.parent).troubles == []
+    captures.write(path, bus("clean", 2, 20, begin_ns=BEGIN_NS + DAY_NS))
+    (told,) = batch(lake, path.parent).troubles
+    assert "another recording has this name now: its rows take the place of the former one's" in told

@@ -212,6 +212,18 @@ def _continued(
     )
 
 
+def _taken_over(before: LakeLine | None, entry: Mapping[str, Any]) -> Iterator[str]:
+    """Of a line that was made anew, a line for each capture whose name another recording has now."""
+    former = {one["url"]: one["span"] for one in before.slices()} if before and entry["after"] is None else {}
+    for one in entry["slices"]:
+        spans = [span for span in (former.get(one["url"], one["span"]), one["span"]) if span[0] is not None]
+        if spans and max(begin for begin, _ in spans) > min(end for _, end in spans):
+            yield (
+                f"{readable(one['url'])}: another recording has this name now: its rows take the place of the former "
+                "one's"
+            )
+
+
 def _may_have_grown(slice: Mapping[str, Any], file: SourceFile, newest: str) -> bool:
     """Whether this file may be the newest slice with more behind what the lake has of it."""
     return slice["url"] == file.url and file.name == newest and slice["state"] != "twice" and "chunk_digest" in slice
@@ -306,6 +318,7 @@ class _Taking:
                 self._copies.append(line.knowing(copies))
             else:
                 self._unwritten = 0
+                self._result.troubles += _taken_over(self._manifest.line(line.site, line.line), outcome)
                 self._entered.add(line.site, line.line, outcome)
                 entries.append(outcome)
                 self.done += _size(line)
