@@ -9,7 +9,7 @@ from pathlib import Path
 from string import Formatter
 
 import pytest
-from buses import adu
+from buses import LINE, READ_AND_ANSWER, adu, spaced
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -276,3 +276,42 @@ def test_parts_of_the_time_without_a_request_do_not_part_an_outage() -> None:
     assert (
         change.text == f"{card.silent} of {card.silent} requests without a good answer, 0 of {card.answered} otherwise"
     )
+
+
+def _scan(units: range, answering: tuple[int, ...]) -> Capture:
+    pieces = []
+    for unit in units:
+        pieces.append(adu(f"{unit:02x}0300000001"))
+        if unit in answering:
+            pieces.append(adu(f"{unit:02x}03020001"))
+    return Capture.of(LINE, spaced(pieces, gap_ns=50_000_000))
+
+
+def test_a_search_shows_who_answered() -> None:
+    page = text(summarize(_scan(range(1, 60), (5, 17))))
+    assert "asked once or twice, and silent: 57 units (1..4, 6..16, 18..59)" in page
+    assert [line.split()[0] for line in page.splitlines() if line.strip().startswith(("5 ", "17 "))] == ["5", "17"]
+    assert "units with bad answers" not in page
+
+
+def test_a_few_silent_units_are_no_search() -> None:
+    assert "asked once or twice" not in text(summarize(_scan(range(1, 8), (5,))))
+
+
+def _with_a_pause(seconds: int) -> Capture:
+    chunks = spaced(READ_AND_ANSWER * 40, gap_ns=20_000_000)
+    late = [Chunk(chunk.t_ns + seconds * 1_000_000_000, chunk.data) for chunk in chunks[40:]]
+    return Capture.of(LINE, chunks[:40] + late)
+
+
+def test_a_long_silence_is_told() -> None:
+    report = summarize(_with_a_pause(3600))
+    assert report.quiet is not None
+    assert abs(report.quiet[1] - report.quiet[0] - 3600e9) < 1e9
+    assert "longest silence 1 h 0 min" in text(report)
+
+
+def test_pauses_as_all_others_are_not() -> None:
+    assert summarize(_with_a_pause(5)).quiet is None
+    hourly = [Chunk(i * 3_600_000_000_000, data) for i, data in enumerate(READ_AND_ANSWER[:1] * 30)]
+    assert summarize(Capture.of(LINE, hourly)).quiet is None

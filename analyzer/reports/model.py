@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 
 HANDFUL: Final = 12  # frames: fewer, in a text or without times, are no sample of a bus
+_SEARCHED: Final = 2  # requests: who asks so often of one unit looks for devices
+_SEARCH: Final = 8  # units
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,6 +304,7 @@ class Report:
     foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
     not_modbus: str = ""  # the protocol that this is instead, where that is known
     clock_skew_ns: tuple[int, int] | None = None  # bounds: how far the answers' tap is ahead of the requests'
+    quiet: tuple[int, int] | None = None  # ns: the longest silence, where it stands out
     separate_ports: tuple[int, ...] = ()  # of lines of their own, which this counts as one bus
     rates: tuple[RateRow, ...] = ()  # of senders, where edges were captured
     filter: str = ""  # what the rest of the report is narrowed to
@@ -342,6 +345,16 @@ class Report:
         others that stayed without one."""
         cards = {card.unit: card for card in self.cards}
         return tuple(row if (card := cards.get(row.unit)) is None else _as_heard(row, card) for row in self.units)
+
+    @property
+    def scanned(self) -> frozenset[int]:
+        """Units that were asked once or twice, as a search for devices asks, and never answered; none where they are
+        few."""
+        counts = {row.unit: row.counts for row in self.units_as_heard}
+        silent = [
+            unit for unit, asked in counts.items() if asked.unanswered + asked.unheard == asked.requests <= _SEARCHED
+        ]
+        return frozenset(silent) if len(silent) >= _SEARCH else frozenset()
 
     @property
     def bytes_for_answers(self) -> int:

@@ -59,6 +59,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "line", line_words(report.line)
     yield from _several_lines(report.separate_ports)
     yield "span", _span(report)
+    yield from _quiet(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
         yield label, retold(loss)
@@ -150,10 +151,20 @@ def _span(report: Report) -> str:
     if report.span_ns is None:
         nothing = "nothing matches" if report.filter else "nothing captured"
         return unknown("no times in this capture" if not report.timed else nothing)
-    words = duration(report.span_ns)
-    if report.t_start_ns is not None and is_clock(report.t_start_ns):
-        words += page_words(", from {moment}", moment=moment(report.t_start_ns))
-    return words
+    return duration(report.span_ns) + _since(report.t_start_ns)
+
+
+def _since(t_ns: int | None) -> str:
+    """From when, where the capture has a clock."""
+    return page_words(", from {moment}", moment=moment(t_ns)) if t_ns is not None and is_clock(t_ns) else ""
+
+
+def _quiet(report: Report) -> Iterator[tuple[str, str]]:
+    """How long nothing was asked, where that stands out."""
+    if report.quiet is None:
+        return
+    begin, end = report.quiet
+    yield "", page_words("longest silence {time}", time=duration(end - begin)) + _since(begin)
 
 
 def unknown(why: str) -> str:

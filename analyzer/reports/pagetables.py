@@ -6,6 +6,7 @@ And the words for the values of a bus, which the HTML page shares.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
@@ -43,8 +44,9 @@ def tables(report: Report) -> Iterator[Iterator[PageLine]]:
         yield _units(report)
         yield _functions(report)
         yield _legend(report)
-    if any(map(_badly, report.cards)) and not report.is_handful:
-        yield _cards(report.cards)
+    cards = [card for card in report.cards if card.unit not in report.scanned]
+    if any(map(_badly, cards)) and not report.is_handful:
+        yield _cards(cards)
     if any(row.period_ns is not None for row in report.polls):
         yield _polls(report.polls)
     if report.hours:
@@ -67,14 +69,28 @@ def _legend(report: Report) -> Iterator[str]:
 
 
 def _units(report: Report) -> Iterator[PageLine]:
-    shown: Sequence[UnitRow] = report.units_as_heard
-    if len(shown) > _ROWS:
+    scanned = report.scanned
+    shown: Sequence[UnitRow] = [row for row in report.units_as_heard if row.unit not in scanned]
+    left = max(len(shown) - _ROWS, 0)
+    if left:
         shown = sorted(sorted(shown, key=_trouble)[:_ROWS], key=lambda row: row.unit)
     columns = (*_FUNCTION_COLUMNS, *_REPEATED) if not report.cards else _UNIT_COLUMNS
     rows = [(str(row.unit), row.counts, row.times) for row in shown]
     yield _counted(PageColumn(page_words("unit")), columns, ("p50", "p95", "max"), rows)
-    if len(shown) < len(report.units):
-        yield and_more(len(report.units) - len(shown), "unit with less trouble", "units with less trouble")
+    if left:
+        yield and_more(left, "unit with less trouble", "units with less trouble")
+    if scanned:
+        units = ", ".join(_runs(sorted(scanned)))
+        yield Paragraph(
+            page_words("asked once or twice, and silent: {count} units ({units})", count=len(scanned), units=units)
+        )
+
+
+def _runs(numbers: Sequence[int]) -> Iterator[str]:
+    """Numbers in order, those that follow one another as `2..4`."""
+    for _, run in groupby(enumerate(numbers), key=lambda item: item[1] - item[0]):
+        (_, first), *_, (_, last) = [*run] * 2
+        yield f"{first}..{last}" if first < last else f"{first}"
 
 
 def _trouble(row: UnitRow) -> tuple[int, int]:

@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 
 _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
+_QUIET_NS: Final = 10_000_000_000  # silences that are told, at the least
+_STANDS_OUT: Final = 30  # times the usual time from request to request
 _OTHER: Final = "other-protocol"
 # Counters a transaction adds to, in the order of `Counts`.
 _COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late",
@@ -80,6 +82,7 @@ class Summary:
         self._first: int | None = None
         self._last: int | None = None
         self._busy = _Busiest()
+        self._pause = _LongestPause()
         self.failed: tuple[FailedPart, ...] = ()  # looks
         self.off_ns: int | None = 0  # `Times.off_ns`, as far as is known by now
 
@@ -129,6 +132,7 @@ class Summary:
         self._first = start if self._first is None else min(start, self._first)
         self._last = end if self._last is None else max(end, self._last)
         self._busy.add(rows.t_end_ns, lengths)
+        self._pause.add(rows)
 
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
         """What it comes to."""
@@ -157,6 +161,7 @@ class Summary:
             foreign={name: int(size) for name, size in zip(NAMES, self._foreign, strict=True) if name and size},
             not_modbus=self._verdict.foreign,
             clock_skew_ns=self._skew,
+            quiet=self._pause.between(self._requests) if capture.timed and not deaf_times(notes) else None,
             separate_ports=self.separate_ports,
             doubtful_frames=self._doubtful,
             tcp_frames=self._tcp,
@@ -250,6 +255,32 @@ class Summary:
         return Load(min(mean, 1.0), min(busiest, 1.0) if peak else None)
 
 
+class _LongestPause:
+    """The longest silence between rows."""
+
+    def __init__(self) -> None:
+        self._begin: int | None = None
+        self._end = 0  # of the last row so far
+        self._longest = (0, 0)
+
+    def add(self, rows: Rows) -> None:
+        first = int(rows.t_start_ns[0])
+        self._begin, self._end = (first, first) if self._begin is None else (self._begin, self._end)
+        ends = np.maximum(np.maximum.accumulate(rows.t_end_ns), self._end)
+        before = np.append(self._end, ends[:-1])
+        at = int(np.argmax(rows.t_start_ns - before))
+        begin, end = int(before[at]), int(rows.t_start_ns[at])
+        if end - begin > self._longest[1] - self._longest[0]:
+            self._longest = begin, end
+        self._end = int(ends[-1])
+
+    def between(self, requests: int) -> tuple[int, int] | None:
+        """From when to when (ns) nothing was heard, where that is no pause as all others are."""
+        begin, end = self._longest
+        usual = (self._end - (self._begin or 0) - (end - begin)) / max(requests, 1)
+        return self._longest if requests and end - begin >= max(_QUIET_NS, _STANDS_OUT * usual) else None
+
+
 class _Busiest:
     """The most bytes in one second of the clock; bytes count where their row ends. Rows come nearly in time order."""
 
@@ -326,7 +357,7 @@ def summarize(
     if values is not None:
         report = replace(report, values=values.values())
     if ledger is None:
-        return replace(report, filter="" if filter is None else filter.text)
+        return replace(report, filter="" if filter is None else filter.text, quiet=None)
     if CAUSES not in failures:
         with failures.contained(CAUSES):
             ledger.close()
