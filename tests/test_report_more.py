@@ -315,3 +315,10 @@ def test_pauses_as_all_others_are_not() -> None:
     assert summarize(_with_a_pause(5)).quiet is None
     hourly = [Chunk(i * 3_600_000_000_000, data) for i, data in enumerate(READ_AND_ANSWER[:1] * 30)]
     assert summarize(Capture.of(LINE, hourly)).quiet is None
+
+
+def test_a_unit_that_answers_otherwise_is_not_silent() -> None:
+    pieces = [adu("1103006b0003"), adu("110402000a"), *READ_AND_ANSWER[:1]] * 20
+    report = summarize(Capture.of(LINE, spaced(pieces, gap_ns=20_000_000)))
+    (card,) = report.cards
+    assert (card.silent, card.garbage) == (19, 20)  # the last request is not held against it

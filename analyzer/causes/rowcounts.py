@@ -21,7 +21,7 @@ _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a 
 _REGISTERS: Final = np.isin(np.arange(256), (3, 4))
 _AROUND: Final = 5  # and so many bytes besides
 BACK: Final = 2  # exchanges
-_RESPONSE, _BROADCAST = int(Kind.RESPONSE), int(Ending.BROADCAST)
+_RESPONSE, _BROADCAST, _SILENT = int(Kind.RESPONSE), int(Ending.BROADCAST), int(Ending.SILENT)
 
 
 def count_by_port(ports: Mapping[int, Counter[str]], table: Batch) -> None:
@@ -75,6 +75,7 @@ def _count_other(unit: UnitLedger, part: Stretch, i: int, row: int, was_answered
         unit.late += 1
     elif is_asked:
         unit.unfit += own < 0
+        unit.unfit_alone += int(exchanges.outcome[i] == _SILENT)
     elif was_answered:
         unit.doubles += 1
     else:

@@ -60,8 +60,8 @@ def _card(evidence: Evidence, unit: UnitLedger, row: UnitRow) -> UnitCard:
     """What was answered, and when, is as the table has it; what was heard of the rest is the ledger's."""
     counts, times = row.counts, row.times
     lost = counts.unanswered + counts.damaged  # an answer that came late is none of them
-    silent = min(unit.count(Ending.SILENT), lost)
-    garbage = min(unit.count(Ending.GARBAGE), lost - silent)
+    silent = max(min(unit.count(Ending.SILENT), lost) - unit.unfit_alone, 0)
+    garbage = min(unit.count(Ending.GARBAGE) + unit.unfit_alone, lost - silent)
     regions = Counter(map(_region, evidence.readings(unit)))
     read = sum(regions.values())
     least, most = times.bounds("min"), times.bounds("p95")
