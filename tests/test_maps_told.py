@@ -89,3 +89,9 @@ def test_tables_stay_the_same_below_unknown_headings_in_another_order() -> None:
     found = stay_right(file for file in made_files(1) if file.fold in ("new", "late"))
     assert {*found} == {"new", "late"}
     assert all(after == before > 0 for after, before in found.values())
+
+
+def test_one_factor_of_ten_for_all_is_said_to_be_a_guess() -> None:
+    rows = "Address,Name,Unit,Scale\n" + "".join(f"{at},Sensor {at},°C,10\n" for at in range(1, 6))
+    (found,) = import_maps("factors.csv", rows.encode())
+    assert any(note.startswith("factors of 10 or more were taken as multipliers") for note in found.notes)

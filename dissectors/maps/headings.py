@@ -23,6 +23,9 @@ HEADING_ROWS: Final = 60  # in which a heading is sought
 _MOST_TRIED: Final = 12  # rows of words that may be a heading
 _MOST_TURNED: Final = 24  # rows of a table whose values stand side by side
 _AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
+_AS_FACTOR: Final = (
+    "factors of 10 or more were taken as multipliers of raw values: divisors are called so in some manuals"
+)
 _LEAST_NAMES: Final = 3  # that tell whether names end in units
 _LOGICAL: Final = 10_000  # by which logical numbers of areas differ
 
@@ -125,14 +128,15 @@ def heading_of(
     """What columns hold below a row of headings, and what is to be said of it; `numbering`: what titles say of
     addresses."""
     texts = {role: plain_heading(row[at]) for role, at in columns.items()}
-    addresses, names, units, types, areas, rights = (
+    addresses, names, units, types, areas, rights, factors = (
         column_cells(below, columns.get(role, len(row)))
-        for role in ("address", "name", "unit", "type", "area", "access")
+        for role in ("address", "name", "unit", "type", "area", "access", "scale")
     )
     signed = filter(None, (form("says_signed", kind.lower()) for kind in types))
     how = address_form(f"{texts['address']}{numbering}", addresses)
     doubtful = {
         _AS_DIVISOR: 0 < heading_bits(texts.get("divisor", "divisor"), "divisor") < WHOLE,
+        _AS_FACTOR: any(expression(r"[x×*]? ?10+").fullmatch(cell) for cell in factors),
         "whole factors, some below 0, were taken for powers of ten": "power" in columns,
         "plain addresses were taken as counted from 1, as a heading says": how.base > 0,
         "addresses were taken for hexadecimal, as some of them have letters": how.is_hex > how.is_said,
