@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
 from itertools import groupby, pairwise
 from typing import Final
 
@@ -303,8 +304,8 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
     Lines of nothing but one or two hex digits; and, where a text holds nothing that is plainer, bytes beside what each
     means: `0x01 -> unit`. Numbers that only rise count something, and are none.
     """
-    for is_of_message, column_of in ((_in_two_bases, _column_in_hex), (_is_loose, _column_of_bytes)):
-        for fits, same in groupby(lines, is_of_message):
+    for is_of_message, column_of in ((_in_two_bases, _column_in_hex), (holds_numbers, _column_of_bytes)):
+        for fits, same in groupby(lines, partial(_is_loose, is_of_message=is_of_message)):
             group = list(same)
             column = column_of(group, experience) if fits and len(group) >= LEAST_COLUMN else ()
             for line, token in zip(group, column, strict=False):
@@ -314,7 +315,7 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
 
 def _column_in_hex(lines: Sequence[LogLine], _: Experience) -> Sequence[NumberToken]:
     """The last numbers of lines that say each byte in two bases."""
-    return () if any(map(holds_bytes, lines)) else [tokens_of(line)[-1] for line in lines]
+    return [tokens_of(line)[-1] for line in lines]
 
 
 def _column_of_bytes(lines: Sequence[LogLine], experience: Experience) -> Sequence[NumberToken]:
@@ -327,19 +328,18 @@ def _column_of_bytes(lines: Sequence[LogLine], experience: Experience) -> Sequen
     return next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), ())
 
 
-def _is_loose(line: LogLine) -> bool:
-    return holds_numbers(line) and not is_right(line) and not holds_bytes(line)
+def _is_loose(line: LogLine, is_of_message: Callable[[LogLine], bool]) -> bool:
+    """Whether a line that shows no bytes yet may say one of a message."""
+    return not (is_right(line) or holds_bytes(line)) and is_of_message(line)
 
 
 def _in_two_bases(line: LogLine) -> bool:
     """`received Byte 27 (0X1b)`: a byte of a message in decimal, or bit by bit, and in hex."""
-    tokens = tokens_of(line)
-    if not tokens or not tokens[-1].signed:
-        return False
-    said = _SAID_BEFORE.search(line.clean[: tokens[-1].start])
+    last = nth(tokens_of(line), -1)
+    said = _SAID_BEFORE.search(line.clean[: last.start]) if last.signed else None
     if said is None or not names_a_way(skeleton_of(line)):
         return False
-    return int(tokens[-1].digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
+    return int(last.digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
 
 
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:

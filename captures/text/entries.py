@@ -46,8 +46,7 @@ def _whole(held: Sequence[NumberedLine]) -> list[NumberedLine]:
     return [(held[0][0], " ".join(line.strip() for _, line in held))]
 
 
-_SIGN: Final = r"[ \t]{0,3}>(?=[ \t>]|$)[ \t]?"
-_SIGNS: Final = re.compile(rf"(?:{_SIGN})+")
+_SIGNS: Final = re.compile(r"(?:[ \t]{0,3}>(?=[ \t>]|$)[ \t]?)+")
 _WORD: Final = re.compile(r"(?<![\w\\])(?=\w*[g-zG-Z\u0400-\u04ff])[A-Za-z\u0400-\u04ff]\w+|[{}]")
 _LEAST_QUOTED: Final = 3  # lines
 
@@ -87,7 +86,7 @@ def _item(_: re.Match[str], held: Sequence[NumberedLine], __: str) -> Sequence[N
     return _whole(held) if len(held) > 1 and any(_TIMED.search(line) for _, line in held) else held
 
 
-LETTER: Final = Joining(re.compile(_SIGN), lambda begins, _, line: begins.re.match(line) is not None, _unquoted)
+LETTER: Final = Joining(_SIGNS, lambda begins, _, line: begins.re.match(line) is not None, _unquoted)
 OBJECT: Final = Joining(_OPENS, _is_of_object, _object)
 ITEM: Final = Joining(  # of YAML, if it has a time
     re.compile(r"(?P<indent>\s*)- [\"']?[A-Za-z]\w*[\"']?:(?:\s|$)"),
@@ -109,7 +108,7 @@ _TURN: Final = re.compile(  # how one begins that has its time, wherever it stan
     r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)"
 )
 _TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
-_NO_SIGN_OF_CELLS: Final = re.compile(r"[^;\t|]")
+_SIGNS_OF_CELLS: Final = ";\t|"
 _SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
 _SEVERAL_ENTRIES: Final = 3
 _LONG: Final = 120  # characters of a line that may be several entries
@@ -161,5 +160,5 @@ def _turns_in(line: str) -> list[str]:
     turns, signs = [], ""
     for start, end in ends:
         turns.append(signs + line[start:end])
-        signs += _NO_SIGN_OF_CELLS.sub("", line[start:end])
+        signs += "".join(filter(_SIGNS_OF_CELLS.__contains__, line[start:end]))
     return turns
