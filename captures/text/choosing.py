@@ -123,19 +123,17 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     if padded:  # no header says more than that numbers are not written so
         checked = [span for span in checked if span.envelope != "tcp"]
     right = covered(checked)
-    learnt = (False, 0) if padded else _learnt_of(candidate, line, judge, experience, right=right)
+    learnt = (False, 0) if padded else _learnt_of(candidate, line, judge, experience)
     rank = (right, right - size if right else 0, *learnt, candidate.level, len(shown))
     return _Ranked(rank, candidate, checked, right == size > 0)
 
 
-def _learnt_of(
-    candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience, *, right: int
-) -> tuple[bool, int]:
+def _learnt_of(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> tuple[bool, int]:
     """Whether a header says so much, in a writing in which others are right; how often others like it were right."""
     if not experience.taught:
         return False, 0
     direct = candidate.start in line.first and candidate.start > line.begin
-    known = not right and len(candidate.data) >= _HEADED and candidate.shape in experience.shapes
+    known = len(candidate.data) >= _HEADED and candidate.shape in experience.shapes
     announced = known and bool(judge(candidate.data[:MOST_JUDGED], damaged=True))
     return announced, experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
 

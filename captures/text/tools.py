@@ -221,7 +221,8 @@ _LAYOUTS: Final = (
      _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"
             r"(?:\+{3}|-{3}) (?:exited|killed|SIG))"),
     ("pymodbus", LineRole.BYTES, NONE,
-     r"(?i)^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
+     r"(?i)^(?=.*[a-z](?:: | - ))(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?"
+            r"(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
             r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|short frame|"
             r"current frame in buffer)(?:: | - )"
             r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*"
