@@ -65,7 +65,7 @@ END: Final = r"(?![0-9A-Za-z_])"
 _ALIKE: Final = "OoIlАВСЕаесОЗΑΒΕΟ"  # typed by hand, on a Cyrillic or a Greek keyboard, too
 LOOK_ALIKE: Final = str.maketrans(_ALIKE, "0011ABCEaec03ABE0")
 TYPED: Final = f"[0-9A-Fa-f{_ALIKE}]"
-MISTYPED: Final = re.compile(  # `O1 03 СD`, `O103СD...`
+MISTYPED: Final = (  # `O1 03 СD`, `O103СD...`
     rf"(?<!\w)(?:{TYPED}{{2}}(?:[ \t,-]{{1,2}}{TYPED}{{2}}){{3,}}|(?:{TYPED}{{2}}){{4,256}})(?!\w)"
 )
 LEFT_OUT: Final = ("...", "…")  # between bytes, or behind them
@@ -176,9 +176,9 @@ _HALVED: Final = tuple(
             "an odd number of hex digits in 0x{} at column {}",
         ),
         (  # not `main.rs:42:5`, `12 500 rub`
-            rf"(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])|"
+            rf"\b(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])|"
             rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?:\s*$|(?:\s+{H}{{1,2}}){{2}})|"
-            rf"(?:^|[\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])((?:{H}{{2}}){{2,}}{H})\s*$|^\s*((?:\d\d){{2,}}\d)\s*$",
+            rf"(?<![^\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])((?:{H}{{2}}){{2,}}{H})\s*$|^\s*((?:\d\d){{2,}}\d)\s*$",
             _ODD,
         ),
         (r"(\\x)(?![0-9A-Fa-f]{2}|\{)", "{} without two hex digits at column {}"),

@@ -31,18 +31,19 @@ from .tools import NONE, RX, TX, LineMark, either_way
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
-_PAIR_OF_HEX: Final = re.compile(r"(?<!\d)0\d(?!\d)")  # `00`, `03`: numbers are not written so
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _LABEL: Final = 28  # characters
 _RUN_TOGETHER: Final = "digits run together"
-_NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
-_BLANKS: Final = re.compile(r"[\s|*#/<>`-]+(?=([:=]?))")
-_CUT, _HALVED = (  # what stands behind bytes of which there are more, or behind which there is half a byte
+_PAIR_OF_HEX, _NUMBERS, _BLANKS, _CUT, _HALVED = (
     re.compile(pattern)
     for pattern in (
-        r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)", rf"[ \t]{{1,4}}(?:{H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))"
+        r"(?<!\d)0\d(?!\d)",  # `00`, `03`: numbers are not written so
+        r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+",
+        r"[\s|*#/<>`-]+(?=([:=]?))",
+        r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)",  # behind bytes of which there are more
+        rf"[ \t]{{1,4}}(?:{H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))",  # behind which there is half a byte
     )
-)  # fmt: skip
+)
 
 
 def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:
