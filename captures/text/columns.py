@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
-from itertools import groupby, pairwise
+from itertools import dropwhile, groupby, pairwise
 from typing import Final
 
 from ..checked import Checked
@@ -42,19 +42,19 @@ _COLUMNS: Final = "columns"  # a search that has its patience
 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
-    group: list[LogLine] = []
-    for line in lines:
-        if not line.clean.strip() or _is_timed_word(line):
-            continue
-        wanted = not line.is_known and not is_right(line) and holds_numbers(line)
-        if wanted:
+    rows = (line for line in lines if line.clean.strip() and not _is_timed_word(line))
+    for numbers, same in groupby(rows, _may_be_row):
+        group = list(same) if numbers else []
+        for line in group:
             _fields_of(line, judge, experience)
-        if wanted and (group or not holds_bytes(line)):
-            group.append(line)
-        if group and (not wanted or len(group) == MOST_ROWS):
-            _column_of(group, judge, experience)
-            group = []
-    _column_of(group, judge, experience)
+        group = list(dropwhile(holds_bytes, group))
+        for first in range(0, len(group), MOST_ROWS):
+            _column_of(group[first : first + MOST_ROWS], judge, experience)
+
+
+def _may_be_row(line: LogLine) -> bool:
+    """Whether a line has numbers, and is not known to be something else."""
+    return not (line.is_known or is_right(line)) and holds_numbers(line)
 
 
 def _is_timed_word(line: LogLine) -> bool:

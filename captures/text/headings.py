@@ -135,7 +135,7 @@ class TimeColumn:
             unit = 10**9
         scaled = int(f"{whole}{fraction}") * unit
         power = int(match["power"] or 0) - len(fraction)
-        t_ns = scaled * int(10**power) if power >= 0 else scaled // int(10**-power)
+        t_ns = scaled * int(10 ** max(power, 0)) // int(10 ** max(-power, 0))
         return -t_ns if match["sign"] in ("-", "−") else t_ns
 
 
