@@ -277,7 +277,7 @@ def _list_end(text: str, start: int, end: int) -> int:
     if _GOES_ON.match(text, end) is None:
         return end
     end = start + len(text[start:end].rstrip("0123456789"))
-    while end > start and not text[end - 1].isdigit():
+    while not text[end - 1].isdigit():  # there are others before it
         end -= 1
     return start if _GOES_ON.match(text, end) is not None else end
 

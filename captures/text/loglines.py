@@ -131,9 +131,8 @@ class LineReader:
         return self._below_header(text, number) or self._tool_line(text, number) or self._any_line(text, number)
 
     def runs_of(self, text: str) -> list[ByteRun]:
-        """The runs of a line by itself, as it was read first: what is learnt joins no other lines."""
-        rest = stamps.find(text, self.zone)[1]
-        return self.memory[rest][2] if rest in self.memory else self._searched(rest)[1]
+        """The runs of a line by itself."""
+        return self._searched(stamps.find(text, self.zone)[1])[1]
 
     def _bare(self, line: str, number: int) -> LogLine | None:
         """A long line of nothing but pairs of hex digits; None for others."""

@@ -149,7 +149,8 @@ def _ends_of_arrays(lines: Sequence[LogLine]) -> None:
         above, run = one.runs[-1], below.runs[0]
         if run.taken or not above.taken or above.checked or not below.begins_with(run):
             continue
-        row = len(above.data) in _ROWS and above.start == run.start and shows(run.data, below.clean[run.end :])
+        behind = below.clean[run.end :].strip(" \t|")
+        row = len(above.data) in _ROWS and above.start == run.start and (not behind or shows(run.data, behind))
         if row or one.clean[above.end :].strip() == ",":
             run.accept(run)
             below.continues = True

@@ -60,9 +60,10 @@ class Unwrapper:
             spent = 1
             if count > 1:
                 found = self._merged([plain(text) for _, text in islice(ahead, count)])
-                self._waited = self._waited + 1 if found is None else 0
+                self._waited += 1
                 if found is not None:
                     text, spent = found
+                    self._waited = 0
                 elif count >= _LONG_CHAIN:  # from the next line on it would be the same
                     yield from (ahead.popleft() for _ in range(count - 2))
                     number, text = ahead[0]
@@ -79,8 +80,7 @@ class Unwrapper:
             return 1
         count, size = 1, len(first)
         while count < _MOST_LINES and size < _MOST:
-            if count == len(ahead):
-                ahead.extend(islice(source, 1))
+            ahead.extend(islice(source, max(count + 1 - len(ahead), 0)))
             if count == len(ahead):
                 break
             above, text = ahead[count - 1][1], ahead[count][1]
