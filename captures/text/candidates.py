@@ -65,7 +65,7 @@ END: Final = r"(?![0-9A-Za-z_])"
 _ALIKE: Final = "OoIlАВСЕаесОЗΑΒΕΟ"  # typed by hand, on a Cyrillic or a Greek keyboard, too
 LOOK_ALIKE: Final = str.maketrans(_ALIKE, "0011ABCEaec03ABE0")
 TYPED: Final = f"[0-9A-Fa-f{_ALIKE}]"
-MISTYPED: Final = re.compile(  # `O1 03 СD`, `O103СD...`
+MISTYPED: Final = (  # `O1 03 СD`, `O103СD...`
     rf"(?<!\w)(?:{TYPED}{{2}}(?:[ \t,-]{{1,2}}{TYPED}{{2}}){{3,}}|(?:{TYPED}{{2}}){{4,256}})(?!\w)"
 )
 LEFT_OUT: Final = ("...", "…")  # between bytes, or behind them
@@ -90,8 +90,10 @@ def line_of(text: str, marks: Iterable[int] = ()) -> TextLine:
 ROWS: Final = (  # shapes of the rows of dumps
     "pairs", "words", "swapped words", "swapped words, octal or decimal", "binary", "decimal", "od -c",
 )  # fmt: skip
-_PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
 _RULER: Final = 6  # numbers, each one more than that before it
+_RULERS: Final = tuple(
+    " ".join(("", *map(number.format, range(most)), "")) for number, most in (("{:X}", 256), ("{}", 100))
+)
 DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump
 
 
@@ -102,15 +104,13 @@ def counts_up(data: bytes) -> bool:
 
 def is_ruler(tokens: Sequence[str]) -> bool:
     """Whether these are the numbers that dumps and tables write above their columns."""
-    if len(tokens) < _RULER or not all(map(_PAIR.fullmatch, tokens)):
-        return False
-    bases = (16, 10) if all(map(str.isdigit, tokens)) else (16,)
-    return any(all(b - a == 1 for a, b in pairwise(int(token, base) for token in tokens)) for base in bases)
+    shown = " ".join(token.upper().removeprefix("0") or "0" for token in tokens)
+    return len(tokens) >= _RULER and any(f" {shown} " in ruler for ruler in _RULERS)
 
 
 def shows(data: bytes, text: str) -> bool:
     """Whether a text is these bytes as characters, with dots or the like for those that have none."""
-    text = text.strip("\r\n|<> \t") if len(text.rstrip()) > len(data) else text.rstrip("\r\n")
+    text = text.strip("|<> \t")
     signs = zip(data, text.ljust(len(data)), strict=False)
     return len(text) <= len(data) and all(char == chr(byte) or _may_stand_for(byte, char) for byte, char in signs)
 
@@ -129,8 +129,6 @@ def swapped(data: bytes) -> bytes:
 _OFFSET: Final = re.compile(
     rf"(?:^|[^\w.:-])(?P<all>(?:0[xX])?({H}{{4,8}}|{H}{{3}}(?=:)))[hH]?[ \t]*(?:[:|]|-(?=[ \t]))?[ \t]*$"
 )
-_ELLIPSIS: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")
-_HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))")
 _NAMES: Final = re.compile(r"[^\W\d_][^\W_/]*(?:/[^\W_]+)*")
 _WORDS: Final = (
     "mac bssid uuid guid sha sha1 sha256 md5 hash commit rev revision version serial "
@@ -165,16 +163,6 @@ def is_named_otherwise(before: str) -> bool:
     return bool(words) and words[-1][0] in _OTHER_THINGS and len(before) - words[-1].end() < 4
 
 
-def is_cut(line: TextLine, end: int) -> bool:
-    """Whether the text says, at the end of some bytes, that there are more."""
-    return _ELLIPSIS.match(line.text, end) is not None
-
-
-def is_halved(line: TextLine, end: int) -> bool:
-    """Whether half a byte stands behind these bytes."""
-    return _HALF_AFTER.match(line.text, end) is not None
-
-
 _ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"
 _HALVED: Final = tuple(
     (re.compile(pattern), words)
@@ -188,9 +176,9 @@ _HALVED: Final = tuple(
             "an odd number of hex digits in 0x{} at column {}",
         ),
         (  # not `main.rs:42:5`, `12 500 rub`
-            rf"(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])|"
+            rf"\b(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])|"
             rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?:\s*$|(?:\s+{H}{{1,2}}){{2}})|"
-            rf"(?:^|[\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])((?:{H}{{2}}){{2,}}{H})\s*$|^\s*((?:\d\d){{2,}}\d)\s*$",
+            rf"(?<![^\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])((?:{H}{{2}}){{2,}}{H})\s*$|^\s*((?:\d\d){{2,}}\d)\s*$",
             _ODD,
         ),
         (r"(\\x)(?![0-9A-Fa-f]{2}|\{)", "{} without two hex digits at column {}"),

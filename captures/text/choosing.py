@@ -15,13 +15,12 @@ from typing import Final, NamedTuple
 from ..checked import Checked
 from .candidates import (
     WORD,
+    H,
     HexWindow,
     TextLine,
     Writing,
     counts_up,
     in_its_place,
-    is_cut,
-    is_halved,
     shows,
 )
 from .digitruns import hex_candidates, other_candidates, run_together
@@ -32,13 +31,19 @@ from .tools import NONE, RX, TX, LineMark, either_way
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
-_PAIR_OF_HEX: Final = re.compile(r"(?<!\d)0\d(?!\d)")  # `00`, `03`: numbers are not written so
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
-_AROUND: Final = " \t|<>"  # signs around the characters of a row
 _LABEL: Final = 28  # characters
 _RUN_TOGETHER: Final = "digits run together"
-_NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
-_BLANKS: Final = re.compile(r"[\s|*#/<>`-]+(?=([:=]?))")
+_PAIR_OF_HEX, _NUMBERS, _BLANKS, _CUT, _HALVED = (
+    re.compile(pattern)
+    for pattern in (
+        r"(?<!\d)0\d(?!\d)",  # `00`, `03`: numbers are not written so
+        r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+",
+        r"[\s|*#/<>`-]+(?=([:=]?))",
+        r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)",  # behind bytes of which there are more
+        rf"[ \t]{{1,4}}(?:{H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))",  # behind which there is half a byte
+    )
+)
 
 
 def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:
@@ -79,7 +84,7 @@ def _labelled(runs: list[ByteRun], text: str) -> list[ByteRun]:
         behind = run.end if run.is_likely else behind
         if run.offset is None:
             continue
-        shown = run.checked or shows(run.data, text[run.end :].strip(_AROUND))
+        shown = run.checked or shows(run.data, text[run.end :])
         if shown or all(len(other.data) <= len(run.data) for other in runs[i + 1 :]):
             return runs[: i + 1]
         run.offset = None  # `298365 17 [Task] TX 01 03 …`: no characters of a byte stand behind
@@ -115,23 +120,21 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     size, shown = len(candidate.data), line.text[candidate.start : candidate.end]
     padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
     no_frame = size < _LEAST or (experience.damaged and (padded or _is_no_frame(candidate, shown)))
-    checked = () if no_frame else checked_in(candidate, judge)
+    checked = () if no_frame else _checked_in(candidate, judge)
     if padded:  # no header says more than that numbers are not written so
         checked = [span for span in checked if span.envelope != "tcp"]
     right = covered(checked)
-    learnt = (False, 0) if padded else _learnt_of(candidate, line, judge, experience, right=right)
+    learnt = (False, 0) if padded else _learnt_of(candidate, line, judge, experience)
     rank = (right, right - size if right else 0, *learnt, candidate.level, len(shown))
     return _Ranked(rank, candidate, checked, right == size > 0)
 
 
-def _learnt_of(
-    candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience, *, right: int
-) -> tuple[bool, int]:
+def _learnt_of(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> tuple[bool, int]:
     """Whether a header says so much, in a writing in which others are right; how often others like it were right."""
     if not experience.taught:
         return False, 0
     direct = candidate.start in line.first and candidate.start > line.begin
-    known = not right and len(candidate.data) >= _HEADED and candidate.shape in experience.shapes
+    known = len(candidate.data) >= _HEADED and candidate.shape in experience.shapes
     announced = known and bool(judge(candidate.data[:MOST_JUDGED], damaged=True))
     return announced, experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
 
@@ -140,15 +143,17 @@ def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_R
     """The only way to part digits that are run together of which all is right; looked for while some are found."""
     if experience.damaged or experience.patience.ends(_RUN_TOGETHER):
         return []
-    ways = [_ranked(candidate, line, judge, experience) for candidate in run_together(line)]
-    right = [entry for entry in ways if entry.whole and _is_beyond_chance(entry.checked[0])]
+    ways = [*run_together(line)]
+    right = [candidate for candidate in ways if _is_beyond_chance(candidate.data, judge)]
     experience.patience.spend(_RUN_TOGETHER, len(ways), found=bool(right))
-    return right if len(right) == 1 else []
+    return [_ranked(candidate, line, judge, experience) for candidate in right] if len(right) == 1 else []
 
 
-def _is_beyond_chance(span: Checked) -> bool:
-    """Whether a check value says it: zeros are a header of Modbus TCP in many a number."""
-    return not (span.turned or span.odd) and span.envelope != "tcp"
+def _is_beyond_chance(data: bytes, judge: ByteJudge) -> bool:
+    """Whether a check value says it of all bytes: zeros are a header of Modbus TCP in many a number."""
+    checked = judge(data)
+    plain = all(not (span.turned or span.odd) and span.envelope != "tcp" for span in checked)
+    return plain and covered(checked) == len(data)
 
 
 def _is_no_frame(candidate: HexWindow, shown: str) -> bool:
@@ -160,10 +165,10 @@ def _is_no_frame(candidate: HexWindow, shown: str) -> bool:
 def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:
     data, start, end, shape, level, ascii_mode, offset, _ = candidate
     words = line.text[start:end].split() if shape == "words" else ()
-    halved = shape == "pairs" and not checked and is_halved(line, end)
+    halved = shape == "pairs" and not checked and _HALVED.match(line.text, end) is not None
     return ByteRun(
-        data, start, end, shape, level, label_of(line, start), ascii=ascii_mode, cut=is_cut(line, end), offset=offset,
-        halved=halved, checked=checked, width=len(words[0]) if len(words) > 1 else 0,
+        data, start, end, shape, level, label_of(line, start), ascii=ascii_mode, offset=offset, halved=halved,
+        cut=_CUT.match(line.text, end) is not None, checked=checked, width=len(words[0]) if len(words) > 1 else 0,
     )  # fmt: skip
 
 
@@ -171,7 +176,7 @@ def _overlaps(places: Sequence[tuple[int, int, ByteRun]], i: int, candidate: Hex
     return 0 <= i < len(places) and places[i][0] < candidate.end and candidate.lead < places[i][1]
 
 
-def checked_in(candidate: HexWindow, judge: ByteJudge) -> Sequence[Checked]:
+def _checked_in(candidate: HexWindow, judge: ByteJudge) -> Sequence[Checked]:
     """The stretches of a candidate with a right check value; of a number's bytes they must cover enough."""
     data = candidate.data[:MOST_JUDGED]
     checked = judge(data)

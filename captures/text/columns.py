@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
-from itertools import groupby, pairwise
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
+from itertools import dropwhile, groupby, pairwise
 from typing import Final
 
 from ..checked import Checked
@@ -24,9 +25,15 @@ _LEAST_DAMAGED: Final = 7  # of a frame field by field without a right check val
 FEW: Final = 4  # bytes, up to which numbers beside one another may look like them
 LEAST_COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
 _MOST_COLUMNS: Final = 4  # from either side of a line
-_FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LEAST_CELLS: Final = 3  # of a row of a table
-_LETTERS: Final = re.compile(r"[g-zG-Z]")
+_FIELD, _LETTERS, _SAID_BEFORE = (
+    re.compile(pattern)
+    for pattern in (
+        rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)",
+        "[g-zG-Z]",
+        r"(?<![\w.])(?:0b(?P<bits>[01]{8})|(?P<decimal>\d{1,3}))\W{1,3}$",  # `Byte 27 (0X1b)`
+    )
+)
 FIELDS: Final = 3  # names that make a list of a frame's fields
 _COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
 _OCTETS: Final = "b'' b'' b''"
@@ -35,19 +42,19 @@ _COLUMNS: Final = "columns"  # a search that has its patience
 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
-    group: list[LogLine] = []
-    for line in lines:
-        if not line.clean.strip() or _is_timed_word(line):
-            continue
-        wanted = not line.is_known and not is_right(line) and holds_numbers(line)
-        if wanted:
+    rows = (line for line in lines if line.clean.strip() and not _is_timed_word(line))
+    for numbers, same in groupby(rows, _may_be_row):
+        group = list(same) if numbers else []
+        for line in group:
             _fields_of(line, judge, experience)
-        if wanted and (group or not holds_bytes(line)):
-            group.append(line)
-        if group and (not wanted or len(group) == MOST_ROWS):
-            _column_of(group, judge, experience)
-            group = []
-    _column_of(group, judge, experience)
+        group = list(dropwhile(holds_bytes, group))
+        for first in range(0, len(group), MOST_ROWS):
+            _column_of(group[first : first + MOST_ROWS], judge, experience)
+
+
+def _may_be_row(line: LogLine) -> bool:
+    """Whether a line has numbers, and is not known to be something else."""
+    return not (line.is_known or is_right(line)) and holds_numbers(line)
 
 
 def _is_timed_word(line: LogLine) -> bool:
@@ -294,17 +301,14 @@ def take_tokens(line: LogLine, tokens: Sequence[NumberToken], data: bytes, *, ch
     line.runs, line.problem = [run], None
 
 
-_SAID_BEFORE: Final = re.compile(r"(?<![\w.])(?:0b(?P<bits>[01]{8})|(?P<decimal>\d{1,3}))\W{1,3}$")
-
-
 def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
     """A byte or a field a line without a check value behind them.
 
     Lines of nothing but one or two hex digits; and, where a text holds nothing that is plainer, bytes beside what each
     means: `0x01 -> unit`. Numbers that only rise count something, and are none.
     """
-    for is_of_message, column_of in ((_in_two_bases, _column_in_hex), (_is_loose, _column_of_bytes)):
-        for fits, same in groupby(lines, is_of_message):
+    for is_of_message, column_of in ((_in_two_bases, _column_in_hex), (holds_numbers, _column_of_bytes)):
+        for fits, same in groupby(lines, partial(_is_loose, is_of_message=is_of_message)):
             group = list(same)
             column = column_of(group, experience) if fits and len(group) >= LEAST_COLUMN else ()
             for line, token in zip(group, column, strict=False):
@@ -314,7 +318,7 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
 
 def _column_in_hex(lines: Sequence[LogLine], _: Experience) -> Sequence[NumberToken]:
     """The last numbers of lines that say each byte in two bases."""
-    return () if any(map(holds_bytes, lines)) else [tokens_of(line)[-1] for line in lines]
+    return [tokens_of(line)[-1] for line in lines]
 
 
 def _column_of_bytes(lines: Sequence[LogLine], experience: Experience) -> Sequence[NumberToken]:
@@ -327,19 +331,18 @@ def _column_of_bytes(lines: Sequence[LogLine], experience: Experience) -> Sequen
     return next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), ())
 
 
-def _is_loose(line: LogLine) -> bool:
-    return holds_numbers(line) and not is_right(line) and not holds_bytes(line)
+def _is_loose(line: LogLine, is_of_message: Callable[[LogLine], bool]) -> bool:
+    """Whether a line that shows no bytes yet may say one of a message."""
+    return not (is_right(line) or holds_bytes(line)) and is_of_message(line)
 
 
 def _in_two_bases(line: LogLine) -> bool:
     """`received Byte 27 (0X1b)`: a byte of a message in decimal, or bit by bit, and in hex."""
-    tokens = tokens_of(line)
-    if not tokens or not tokens[-1].signed:
-        return False
-    said = _SAID_BEFORE.search(line.clean[: tokens[-1].start])
+    last = nth(tokens_of(line), -1)
+    said = _SAID_BEFORE.search(line.clean[: last.start]) if last.signed else None
     if said is None or not names_a_way(skeleton_of(line)):
         return False
-    return int(tokens[-1].digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
+    return int(last.digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
 
 
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:

@@ -9,7 +9,8 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import groupby, pairwise
+from operator import attrgetter
 from typing import Final
 
 from .columns import COLUMN_SHAPE
@@ -133,15 +134,10 @@ def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None
 def _lines_alike(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[list[LogLine]]]:
     """Lines at fine times by labels and writings, those that are the same and below one another together."""
     kinds: dict[tuple[str, str], list[list[LogLine]]] = {}
-    for line in lines:
-        run = next((run for run in line.runs if run.taken and line.fine), None)
-        if run is None:
-            continue
-        alike = kinds.setdefault((run.label, run.shape), [])
-        if alike and (alike[-1][-1].text, alike[-1][-1].number + 1) == (line.text, line.number):
-            alike[-1].append(line)
-        else:
-            alike.append([line])
+    for _, same in groupby(lines, attrgetter("text", "fine")):
+        group = list(same)
+        for run in [run for run in group[0].runs if run.taken and group[0].fine][:1]:
+            kinds.setdefault((run.label, run.shape), []).append(group)
     return kinds
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import takewhile
+from string import hexdigits
 from typing import Final
 
 from .candidates import (
@@ -229,7 +231,7 @@ def _prefixed(line: TextLine) -> Iterator[HexWindow]:
         is_escape = sign in ("x", "X") and text[start - 1 : start] == "\\"
         if is_escape and len(match["first"]) < _BYTEA and not _are_parted(match[0]):
             continue  # a string's, in which other characters are bytes, too
-        tokens = re.findall(rf"{re.escape(sign)}({H}+?)(?={re.escape(sign)}|(?!{H}))", match[0])
+        tokens = ["".join(takewhile(hexdigits.__contains__, part)) for part in match[0].split(sign)[1:]]
         last = match[0].rfind(sign) + len(sign)
         if len(tokens) > 2 and _OF_YEAR.match(match[0] + text[end : end + 1], last + 2):
             tokens[-1], end = match[0][last : last + 2], start + last + 2  # a line break was lost: 0xee2026-09-11
@@ -275,7 +277,7 @@ def _list_end(text: str, start: int, end: int) -> int:
     if _GOES_ON.match(text, end) is None:
         return end
     end = start + len(text[start:end].rstrip("0123456789"))
-    while end > start and not text[end - 1].isdigit():
+    while not text[end - 1].isdigit():  # there are others before it
         end -= 1
     return start if _GOES_ON.match(text, end) is not None else end
 

@@ -16,7 +16,7 @@ from .escapes import OD_BELOW, od_bytes
 from .runs import ByteRun
 from .tools import NONE, RX, TX
 
-_DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
+_OFFSET_DIGITS: Final = range(3, 9)
 
 
 @dataclass(slots=True)
@@ -61,12 +61,8 @@ class Dump:
 
     def _is_next(self, digits: str, length: int) -> bool:
         """Whether these digits are where the dump goes on: in hex, or in octal or decimal as od writes it."""
-        if not _DIGITS.fullmatch(digits):
-            return False
-        bases = [16]
-        if digits.isdigit() and not self.first:
-            bases += [10, 8] if set(digits) <= set("01234567") else [10]
-        return any(int(digits, base) == (self.first if base == 16 else 0) + length for base in bases)
+        place = digits.lower().lstrip("0")
+        return len(digits) in _OFFSET_DIGITS and place in {format(self.first + length, base) for base in "xdo"}
 
 
 _ROW: Final = re.compile(r"^(?P<lead>\s*)(?P<offset>[0-9A-Fa-f]{4,8})(?P<rest>:?\s+\S.*)?$")
@@ -136,10 +132,10 @@ def _bases(above: list[_DumpRow], following: str) -> tuple[int, ...]:
 _IP_AT: Final = {0: None, 14: 12, 16: 14, 18: 16}  # where IP begins: bare, Ethernet, Linux SLL, VLAN; and its type
 _IPV4: Final = b"\x08\x00"
 _LEAST_IP: Final = 20
+_VERSIONS: Final = range(0x45, 0x50)  # the first byte: version 4, and how many words the header has
 _LEAST_FRAME: Final = 60  # bytes that Ethernet fills up to
-_TCP: Final = 6
-_UDP: Final = 17
-_UDP_HEADER: Final = 8
+_TCP, _UDP = 6, 17
+_LEAST_HEADER: Final = {_TCP: 20, _UDP: 8}
 _MODBUS_PORT: Final = 502
 
 
@@ -152,32 +148,22 @@ class Payload(NamedTuple):
 
 def payload_of(packet: bytes) -> Payload | None:
     """What a whole packet carries; None of all other bytes."""
-    for at, kind in _IP_AT.items():
-        if kind is None or packet[kind:at] == _IPV4:
-            found = _of_ip(packet, at)
-            if found is not None:
-                return found
-    return None
+    begins = (at for at, kind in _IP_AT.items() if kind is None or packet[kind:at] == _IPV4)
+    return next(filter(None, (_of_ip(packet, at) for at in begins)), None)
 
 
 def _of_ip(packet: bytes, at: int) -> Payload | None:
-    if len(packet) < at + _LEAST_IP or packet[at] >> 4 != 4:
-        return None
-    header, total = 4 * (packet[at] & 15), _number(packet, at + 2)
     filled = at > 0 and len(packet) == _LEAST_FRAME
-    if header < _LEAST_IP or (at + total != len(packet) and not (filled and at + total < len(packet))):
+    ip = packet[at : at + _number(packet, at + 2) if filled else None]
+    if len(ip) < _LEAST_IP or ip[0] not in _VERSIONS or _number(ip, 2) != len(ip):
         return None
-    begin, end, protocol = at + header, at + total, packet[at + 9]
-    if protocol == _TCP and begin + 20 <= end and 20 <= (size := packet[begin + 12] >> 4 << 2) <= end - begin:
-        return _marked(packet, begin, packet[begin + size : end])
-    if protocol == _UDP and begin + _UDP_HEADER <= end and _number(packet, begin + 4) == end - begin:
-        return _marked(packet, begin, packet[begin + _UDP_HEADER : end])
-    return None
-
-
-def _marked(packet: bytes, begin: int, data: bytes) -> Payload:
-    source, destination = _number(packet, begin), _number(packet, begin + 2)
-    return Payload(data, TX if destination == _MODBUS_PORT else RX if source == _MODBUS_PORT else NONE)
+    segment, protocol = ip[4 * (ip[0] & 15) :], ip[9]
+    least = _LEAST_HEADER.get(protocol, len(packet))
+    size = _number(segment, 12) >> 12 << 2 if protocol == _TCP else least * (_number(segment, 4) == len(segment))
+    if not least <= size <= len(segment):
+        return None
+    ports = [_number(segment, 2), _number(segment, 0), _MODBUS_PORT]  # where to, where from
+    return Payload(segment[size:], (TX, RX, NONE)[ports.index(_MODBUS_PORT)])
 
 
 def _number(packet: bytes, at: int) -> int:

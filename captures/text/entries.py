@@ -46,9 +46,18 @@ def _whole(held: Sequence[NumberedLine]) -> list[NumberedLine]:
     return [(held[0][0], " ".join(line.strip() for _, line in held))]
 
 
-_SIGN: Final = r"[ \t]{0,3}>(?=[ \t>]|$)[ \t]?"
-_SIGNS: Final = re.compile(rf"(?:{_SIGN})+")
-_WORD: Final = re.compile(r"(?<![\w\\])(?=\w*[g-zG-Z\u0400-\u04ff])[A-Za-z\u0400-\u04ff]\w+|[{}]")
+_SIGNS, _WORD, _KEY, _OPENS, _ITEM, _TIMED = (
+    re.compile(pattern)
+    for pattern in (
+        r"(?:[ \t]{0,3}>(?=[ \t>]|$)[ \t]?)+",  # of a letter
+        r"(?<![\w\\])(?=\w*[g-zG-Z\u0400-\u04ff])[A-Za-z\u0400-\u04ff]\w+|[{}]",
+        r'\s*"[^"]*"\s*:',
+        r"(?P<indent>\s*)(?:\[\s*|\}\s*,\s*)?\{\s*$",
+        r"(?P<indent>\s*)- [\"']?[A-Za-z]\w*[\"']?:(?:\s|$)",
+        r"(?i)(?:[\"{\s'-]|^)(?:ts?|time\w*|date\w*|at|when|[\w.]*(?:time_?stamp|epoch)|"
+        r"(?:elapsed|uptime|t)(?:_?(?:ms|us|ns|s))?)[\"']?\s*:",
+    )
+)
 _LEAST_QUOTED: Final = 3  # lines
 
 
@@ -56,14 +65,6 @@ def _unquoted(_: re.Match[str], held: Sequence[NumberedLine], __: str) -> Sequen
     """Bytes alone behind `>` are what somebody sent; where there are words as well, lines are quoted, however deep."""
     bare = [(number, _SIGNS.sub("", line, count=1)) for number, line in held]
     return bare if len(held) >= _LEAST_QUOTED and any(_WORD.search(line) for _, line in bare) else held
-
-
-_KEY: Final = re.compile(r'\s*"[^"]*"\s*:')
-_OPENS: Final = re.compile(r"(?P<indent>\s*)(?:\[\s*|\}\s*,\s*)?\{\s*$")
-_TIMED: Final = re.compile(
-    r"(?:[\"{\s'-]|^)(?:ts?|time\w*|date\w*|at|when|[\w.]*(?:time_?stamp|epoch)|(?:elapsed|uptime|t)(?:_?(?:ms|us|ns|s))?)[\"']?\s*:",
-    re.IGNORECASE,
-)
 
 
 def _is_closed(begins: re.Match[str], held: Sequence[NumberedLine]) -> bool:
@@ -87,10 +88,10 @@ def _item(_: re.Match[str], held: Sequence[NumberedLine], __: str) -> Sequence[N
     return _whole(held) if len(held) > 1 and any(_TIMED.search(line) for _, line in held) else held
 
 
-LETTER: Final = Joining(re.compile(_SIGN), lambda begins, _, line: begins.re.match(line) is not None, _unquoted)
+LETTER: Final = Joining(_SIGNS, lambda begins, _, line: begins.re.match(line) is not None, _unquoted)
 OBJECT: Final = Joining(_OPENS, _is_of_object, _object)
 ITEM: Final = Joining(  # of YAML, if it has a time
-    re.compile(r"(?P<indent>\s*)- [\"']?[A-Za-z]\w*[\"']?:(?:\s|$)"),
+    _ITEM,
     lambda begins, _, line: bool(line.strip()) and line.startswith(begins["indent"] + " "),
     _item,
 )
@@ -98,18 +99,21 @@ ITEM: Final = Joining(  # of YAML, if it has a time
 
 # A line that is several.
 
-_NESTING: Final = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}]')
-_SEVERAL: Final = re.compile(r"\}\s*,\s*\{")
-_ENTRY: Final = re.compile(  # how one begins in a log
-    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
-    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )"
+_NESTING, _SEVERAL, _ENTRY, _TURN, _TURN_BYTES = (
+    re.compile(pattern)
+    for pattern in (
+        r'"(?:[^"\\]|\\.)*"?|[][{}]',
+        r"\}\s*,\s*\{",
+        # how one begins in a log,
+        r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
+        r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )",
+        # with its time, wherever it stands
+        r"(?:[\[(]|(?<![\w:./-]))(?:(?:\d{4}[-/.]\d\d[-/.]\d\d|\d\d[-/.]\d\d[-/.]\d{4})[ T]{1,2})?"
+        r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)",
+        rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)",
+    )
 )
-_TURN: Final = re.compile(  # how one begins that has its time, wherever it stands
-    r"(?:[\[(]|(?<![\w:./-]))(?:(?:\d{4}[-/.]\d\d[-/.]\d\d|\d\d[-/.]\d\d[-/.]\d{4})[ T]{1,2})?"
-    r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)"
-)
-_TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
-_NO_SIGN_OF_CELLS: Final = re.compile(r"[^;\t|]")
+_SIGNS_OF_CELLS: Final = ";\t|"
 _SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
 _SEVERAL_ENTRIES: Final = 3
 _LONG: Final = 120  # characters of a line that may be several entries
@@ -161,5 +165,5 @@ def _turns_in(line: str) -> list[str]:
     turns, signs = [], ""
     for start, end in ends:
         turns.append(signs + line[start:end])
-        signs += _NO_SIGN_OF_CELLS.sub("", line[start:end])
+        signs += "".join(filter(_SIGNS_OF_CELLS.__contains__, line[start:end]))
     return turns

@@ -76,15 +76,15 @@ def marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[in
 
 _APART: Final = {sign: re.compile(re.escape(sign) or r"\s{2,}") for sign in (*_PARTED, "")}
 _IN_UNIT: Final = (  # `[ms]`, `, мс`, `/us`, ` in seconds`
-    rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(UNIT_NS, key=len, reverse=True))})[\])]?)?$"
+    rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(UNIT_NS, key=len, reverse=True))})[\])]?)?"
 )
-_NAME: Final = re.compile(
-    r"^(?:(?:start|begin|rel\w*|abs\w*|packet|о?т?метка|t)[ _-]?)?"
-    r"(?:time ?stamp|start|begin|time|(?:start|uhr)?zeit(?:stempel)?|врем(?:я|ени)|начало|temps|tiempo|tempo|czas|čas|"
-    rf"час|时间|時間)(?: (?:since|from|от|с|seit) \w+)?{_IN_UNIT}",
+_NAME: Final = re.compile(  # in a cell of its own
+    r"(?:^|(?P<before>[\t;,|])|\s\s)[ \"'\ufeff]*(?:(?:start|begin|rel\w*|abs\w*|packet|о?т?метка|t)[ _-]?)?"
+    r"(?P<name>time ?stamp|start|begin|time|(?:start|uhr)?zeit(?:stempel)?|врем(?:я|ени)|начало|temps|tiempo|tempo|"
+    rf"czas|čas|час|时间|時間)(?: (?:since|from|от|с|seit) \w+)?{_IN_UNIT}[ \"']*"
+    r"(?:$|(?(before)(?P=before)|(?:(?P<behind>[\t;,|])|\s\s)))",
     re.IGNORECASE,
 )
-_UNITS: Final = {"millis": 10**6, "micros": 10**3}
 _CELL: Final = re.compile(
     r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,3}(?: \d{3})+|\d{1,18})(?:[.,](?P<fraction>\d{1,30}))?"
     r"(?:[eE](?P<power>[-+]?\d{1,2}))?"
@@ -135,25 +135,20 @@ class TimeColumn:
             unit = 10**9
         scaled = int(f"{whole}{fraction}") * unit
         power = int(match["power"] or 0) - len(fraction)
-        t_ns = scaled * int(10**power) if power >= 0 else scaled // int(10**-power)
+        t_ns = scaled * int(10 ** max(power, 0)) // int(10 ** max(-power, 0))
         return -t_ns if match["sign"] in ("-", "−") else t_ns
 
 
 def time_column(text: str) -> TimeColumn | None:
     """The column that a line names as the time, where it is the first line of a table."""
-    if len(text) > _LONGEST or not any(char.isalpha() for char in text):
+    name = _NAME.search(text) if len(text) <= _LONGEST else None
+    parted = "" if name is None else name["before"] or name["behind"] or ""
+    cells = _cells(text, parted)
+    if name is None or not _LEAST <= len(cells) <= _CELLS_MOST:
         return None
-    for parted in _APART:
-        cells = _cells(text, parted)
-        if not _LEAST <= len(cells) <= _CELLS_MOST:
-            continue
-        names = [text[start:end].strip(" \"'\ufeff") for start, end in cells]
-        for number, name in enumerate(names):
-            if (match := _NAME.match(name)) is not None:
-                numbered = not any(map(_DATA.search, names[:number]))
-                unit = _UNITS.get(name.lower()) or UNIT_NS.get((match["unit"] or "").lower())
-                return TimeColumn(parted, number, len(cells), unit, numbered)
-    return None
+    before = [cell for cell in cells if cell[1] <= name.start("name")]
+    numbered = not any(_DATA.search(text, *cell) for cell in before)
+    return TimeColumn(parted, len(before), len(cells), UNIT_NS.get((name["unit"] or "").lower()), numbered)
 
 
 def _cells(text: str, parted: str) -> list[tuple[int, int]]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
 from datetime import tzinfo
@@ -34,17 +35,18 @@ from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 if TYPE_CHECKING:
     from .tokens import NumberToken
 
-_COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
-_BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
-_ANNOUNCED: Final = re.compile(
-    r"(?:\b(\d{1,5}) ?bytes?\b|/(\d{1,5}):?$|\b(?:write|read|length|len|size)[ =:]+(\d{1,5})$)", re.I
-)
-_JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
-_SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$")
-_OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
-_CODE_SPAN: Final = re.compile(  # Markdown's marks about a part of a frame, as of its check value
-    r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})"
+_COMMENT, _ANNOUNCED, _JPNEVULATOR, _SOCAT_BYTES, _OCTET, _CODE_SPAN = (
+    re.compile(pattern)
+    for pattern in (
+        r"^\s*(?:#|//|;|--|/?\*)",
+        r"(?i)(?:\b(\d{1,5}) ?bytes?\b|/(\d{1,5}):?$|\b(?:write|read|length|len|size)[ =:]+(\d{1,5})$)",
+        r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$",
+        r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$",
+        r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])",
+        # Markdown's marks about a part of a frame, as of its check value
+        r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})",
+    )
 )
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
@@ -121,7 +123,7 @@ class LineReader:
 
     def read(self, line: str, number: int) -> LogLine:
         """What a line holds. Never raises."""
-        if len(line) > _BARE_LEAST and _BARE_HEX.fullmatch(line) and (bare := self._bare(line, number)) is not None:
+        if len(line) > _BARE_LEAST and (bare := self._bare(line, number)) is not None:
             return bare
         text = plain(line)
         if not text.strip(" \t`~"):
@@ -133,15 +135,12 @@ class LineReader:
         return self._searched(stamps.find(text, self.zone)[1])[1]
 
     def _bare(self, line: str, number: int) -> LogLine | None:
-        """A long line of nothing but hex digits; None for numbers and words of such digits."""
-        words = line.split()
-        if len(words) == 1 and len(words[0]) % 2:
-            return LogLine(number, line[:80], problem=halves(line))
-        if not words or any(len(word) % 2 for word in words):
-            return None
-        data = bytes.fromhex("".join(words))
-        run = ByteRun(data, 0, len(line), "pairs", Writing.BYTES, checked=self.judge(data[:_BARE_LEAST]))
-        return self._placed(LogLine(number, line[:80], runs=[run]), None, 0)
+        """A long line of nothing but pairs of hex digits; None for others."""
+        with suppress(ValueError):
+            if data := bytes.fromhex(line):
+                run = ByteRun(data, 0, len(line), "pairs", Writing.BYTES, checked=self.judge(data[:_BARE_LEAST]))
+                return self._placed(LogLine(number, line[:80], runs=[run]), None, 0)
+        return None
 
     def _below_header(self, text: str, number: int) -> LogLine | None:
         """A row of bytes that a tool's header has announced."""

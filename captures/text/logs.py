@@ -38,9 +38,14 @@ _SETTLED: Final = (*FLOORS[:2], FLOORS[-1])  # where a text is settled even if n
 _CRC: Final = 2  # bytes
 _WORDS: Final = (None, 1)  # that are looked at: between bytes, behind the last
 _TYPED: Final = 3  # characters of a byte with one too many
-_ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
-_NUMBERS: Final = re.compile(r"(?:0|[1-9]\d*)(?:[ \t,;/:-]+(?:0|[1-9]\d*))*")  # as people write them
-_PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
+_POINTS: Final = 3  # in the address of a network
+_NUMBERS, _PORTION = (  # as people write them; of a long line
+    re.compile(pattern)
+    for pattern in (
+        r"(?:0|[1-9]\d*)(?:[ \t,;/:-]+(?:0|[1-9]\d*))*",
+        rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}",
+    )
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +309,7 @@ def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
     shown = line.clean[run.start : run.end]
     few = len(run.data) < 3 or (_NUMBERS.fullmatch(shown) and (len(run.data) == 3 or experience.shapes))
-    other = shown.isalpha() or run.shape == "base64" or _ADDRESS.fullmatch(shown)
+    other = shown.isalpha() or run.shape == "base64" or shown.count(".") == _POINTS
     if run.level is Writing.NUMBER and (few or other or is_named_otherwise(line.clean[: run.start])):
         return f"no bytes found in {quoted(line.text)}", True
     return f"{quoted(shown)} may be anything: no check value confirms that these are bytes", False

@@ -71,7 +71,7 @@ def _short_dumps(lines: Sequence[LogLine]) -> list[list[tuple[LogLine, ByteRun, 
         run = next((run for run in line.runs if match is not None and run.end > match.end()), None)
         if match is None or run is None:
             at *= line.quiet
-        elif at not in _values(match[1]):
+        elif match[1].lower() not in (f"{at:02x}", f"{at:02}"):
             at = 0
         else:
             inside = int(run.start < match.end())  # `08: 60` as one run
@@ -79,8 +79,3 @@ def _short_dumps(lines: Sequence[LogLine]) -> list[list[tuple[LogLine, ByteRun, 
             dumps[-1].append((line, run, inside))
             at += len(run.data) - inside
     return dumps
-
-
-def _values(digits: str) -> set[int]:
-    """What an offset may be, in hex or in decimal."""
-    return {int(digits, base) for base in ((10, 16) if digits.isdigit() else (16,))}

@@ -34,8 +34,8 @@ class _PageText(HTMLParser):
             self._out.append("\n")
 
     def handle_endtag(self, tag: str) -> None:
-        self._unshown -= tag in _UNSHOWN and self._unshown > 0
-        self._kept -= tag == "pre" and self._kept > 0
+        self._unshown = max(self._unshown - (tag in _UNSHOWN), 0)
+        self._kept = max(self._kept - (tag == "pre"), 0)
         if tag in _LINES | _CELLS:
             self._out.append("  " if tag in _CELLS else "\n")
 

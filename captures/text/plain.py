@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 
 from .candidates import LOOK_ALIKE, TYPED, shortened
 
-_OTHER_DIGIT: Final = re.compile(r"(?![0-9])\d")  # of another script
 # What is typed as something else than the plain characters that it means, or is markup around them.
 _PLAIN: Final = str.maketrans(
     {chr(0xFF01 + i): chr(0x21 + i) for i in range(94)}
@@ -19,14 +18,18 @@ _PLAIN: Final = str.maketrans(
     | dict.fromkeys((*range(0x2010, 0x2014), 0x2212), "-")
     | dict(zip("\u2018\u2019\u201c\u201d、【】│┊║┃", "''\"\",[]| ||", strict=True))
 )
-_OCTET: Final = re.compile(r"<[0-9A-Fa-f]{2}>")
-_SIGN_EXTENDED: Final = re.compile(
-    r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])"
-)  # %02x of a char
-_SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
 _SOME: Final = 3  # numbers that make a list, or a frame
-_ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
-_ESCAPE: Final = re.compile(r"\\(.)")
+_OTHER_DIGIT, _OCTET, _SIGN_EXTENDED, _SMALL_HEX, _ESCAPED_ONCE, _ESCAPE = (
+    re.compile(pattern)
+    for pattern in (
+        r"(?![0-9])\d",  # of another script
+        r"<[0-9A-Fa-f]{2}>",
+        r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])",  # %02x of a char
+        r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])",
+        r"(?<!\\)(?:\\\\)*\\x",
+        r"\\(.)",
+    )
+)
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 
 

@@ -42,8 +42,7 @@ DAY_NS = 86_400_000_000_000
 _MINUTE_NS: Final = 60_000_000_000
 _LONG: Final = 4096  # characters: in a longer line times are looked for
 _HEAD: Final = 256  # in the first of them alone
-_DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
-_CLOCK_TAIL: Final = 20  # that a fraction, am or pm and a zone take
+_AROUND: Final = 72  # characters that a clock takes at most, with its date and its zone
 _EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _OF_DAY: Final = Stamp(of_day=True, fine=False)
 Found = tuple[Stamp | None, str]  # a time, and its line without it
@@ -105,18 +104,11 @@ def _first(forms: Iterable[TimeForm], text: str, zone: tzinfo | None = None) -> 
 
 def _clocks(text: str, stamp: Stamp | None, zone: tzinfo | None) -> Found:
     """The first clock of a line, or what it has of a count's second."""
-    likely = LIKELY_CLOCK.search(text)
-    while likely is not None:
-        end = likely.end()
-        limit = end + _DATE_LENGTH
-        for match in CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), limit):
-            if match.end() + _CLOCK_TAIL > limit and match.start() > likely.start():
-                break  # another, which is looked at whole below
-            end = max(end, match.end())
-            if (clock := _of_clock(match.groupdict(""), _OF_DAY, zone)) is not None:
-                stamp = clock if stamp is None or stamp.counter else _finer(stamp, clock)
-                text = _blanked(text, match)
-        likely = LIKELY_CLOCK.search(text, end)
+    likely = [match.start() for match in LIKELY_CLOCK.finditer(text)]
+    for match in CLOCK.finditer(text, max(likely[0] - _AROUND, 0), likely[-1] + _AROUND):
+        if (clock := _of_clock(match.groupdict(""), _OF_DAY, zone)) is not None:
+            stamp = clock if stamp is None or stamp.counter else _finer(stamp, clock)
+            text = _blanked(text, match)
     return stamp, text
 
 

@@ -95,13 +95,9 @@ FIRST, TITLE = (
     )
 )
 AT_BEGIN: Final = _forms(
-    ("", rf"{_LEAD}{_TIME}[ _]?\(?{_SAYS}\)? {{0,9}}[:=] ?(?P<n>\d{{1,18}})(?:\.(?P<f>\d{{1,9}}))?(?![\w.:])",
-     0, _COUNT),
-    ("", _LEAD + _POINT, 0, _COUNT),
-    (",", _LEAD + _COMMA, 0, _COUNT),
+    (",", f"(?:{_LEAD}|{_CELLED}){_COMMA}", 0, _COUNT),
+    ("", f"(?:{_LEAD}|{_CELLED}){_POINT}", 0, _COUNT),
     (".", rf"{_LEAD}{_SIGN}(?:\d[\w-]*\]\s*)?(?P<n>\d{{1,10}})\.(?P<f>\d{{3,18}}) ?{_END}", SECOND_NS, _BARE),
-    ("", _CELLED + _POINT, 0, _COUNT),
-    (",", _CELLED + _COMMA, 0, _COUNT),
     (".", rf"{_ROW}{_SIGN}(?P<n>\d{{1,10}})\.(?P<f>\d{{6}}(?:\d{{3}})?) ?{_END}", SECOND_NS, _BARE),
     # since some start: `12:48.958`, `0d 0h 12m 3.456s`
     (":", _LEAD + r"(?P<mi>\d{1,3}):(?P<s>[0-5]\d)(?:\.|,(?=\d+[;\t]))(?P<f>\d{1,6})(?=[\s\]):,;>|\"'])", SECOND_NS,
@@ -110,19 +106,24 @@ AT_BEGIN: Final = _forms(
      r"s(?=[\s\]):,;>|]|$)", SECOND_NS, _COUNT),
     # milliseconds since a microcontroller began, or a program, as their logs write them
     ("[", r"^\s*(?P<n>\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b", _MS, _COUNT),
-    ("", r"^\s*(?:\[[A-Z]\] ?|[EWIDV] \()(?P<n>\d{1,19})(?:\||\)(?= ))", _MS, _COUNT),
     ("[", r"^\s*\[ *(?P<n>\d{1,19})\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\])", _MS, _COUNT),
     # `1023: TX 01 03`, `[1023] -> 01 03`, `1023;TX;01 03`, `[12] PortSend`
-    ("", rf"^\s*[\[(]?[ #]*(?P<n>\d{{1,10}})(?:[\])]?[:>]|[\])]) ?{_AHEAD}", _MS, _BARE_MAYBE),
+    ("", rf"^\s*[\[(]?[ #]*(?P<n>\d{{1,10}})(?:[\])]?[:>]|[\])]) ?"
+     rf"(?:{_AHEAD}|(?=\w{{1,12}}(?:Send|Receive|Write|Read)\b))", _MS, _BARE_MAYBE),
     ("", rf"^\s*(?:#|(?<= {{2}})(?=\d+ )|(?=\d{{4}}))(?P<n>\d{{1,10}})[ |;,\t]{{1,3}}{_AHEAD}", _MS, _BARE_MAYBE),
-    ("[", r"^\s*\[ *(?P<n>\d{1,10})\] (?=\w{1,12}(?:Send|Receive|Write|Read)\b)", _MS, _BARE_MAYBE),
     ("", r"^\s*\[?(?P<n>\d{4,10})(?:\]| ?:) (?=(?:[\w.-]{1,16}:? ){1,3}(?:[TR]x|sen[dt]|recv|reply)\b)", _MS,
      _BARE_MAYBE),
     (".", rf"{_LEAD}(?P<n>\d{{1,10}})\.(?P<f>\d\d?)[\])]?[ \t:;|]+{_AHEAD}", SECOND_NS, _BARE_MAYBE),
     (".", _LEAD + r"(?P<h>[01]?\d|2[0-3])\.(?P<mi>[0-5]\d)\.(?P<s>[0-5]\d)\.(?P<f>\d{3})(?=[\s\]),;|])", 0,
      Stamp(of_day=True, counter=True)),
 )  # fmt: skip
-BEHIND_WORD: Final = (*AT_BEGIN[:3], AT_BEGIN[10])  # of a line that begins with a letter
+BEHIND_WORD: Final = _forms(  # of a line that begins with a letter
+    ("", rf"{_LEAD}{_TIME}[ _]?\(?{_SAYS}\)? {{0,9}}[:=] ?(?P<n>\d{{1,18}})(?:\.(?P<f>\d{{1,9}}))?(?![\w.:])",
+     0, _COUNT),
+    ("", _LEAD + _POINT, 0, _COUNT),
+    (",", _LEAD + _COMMA, 0, _COUNT),
+    ("", r"^\s*(?:\[[A-Z]\] ?|[EWIDV] \()(?P<n>\d{1,19})(?:\||\)(?= ))", _MS, _COUNT),
+)  # fmt: skip
 KEYED: Final = _forms(  # in JSON, YAML and logfmt
     ("", r"(?:[\"'](?:ts|t|time|at|date|when|t_?ms|[\w.]*(?:time_?stamp|epoch))[\"'] ?: ?(?:\[\s*)?|"
      rf"(?<![\w.])(?:ts|time_?stamp)(?:=|: ))[\"']?{_EPOCH}"

@@ -24,9 +24,7 @@ _TOKEN: Final = re.compile(
 _NUMBER: Final = re.compile(  # with the character that it is: 'k', (k), (^A), (M-1), in a cell of its own
     rf"0[xX]{H}+|\d+\.\d+|(?<![^\W_])(?:{H}{{1,4}}|(?=[A-Fa-f]*\d){H}+)[hH]?(?![^\W_])|\d+|'(?:\\x{H}{{2}}|\\?[^'])'|(?<=\s)\((?:M-\d{{0,3}})?\^?\S?\)|(?<=[,;\t|])[^,;\t|](?=[,;\t|]|\s*$)"
 )
-
-
-_BITS: Final = re.compile(r"[01]{8}")
+_BITS: Final = 8
 _WIDEST: Final = 4  # characters of a byte in decimal
 _NO_BYTE: Final = 1000
 
@@ -53,7 +51,7 @@ class NumberToken(NamedTuple):
     @property
     def is_bits(self) -> bool:
         """`00010001`: a byte in binary."""
-        return _BITS.fullmatch(self.digits) is not None
+        return len(self.digits) == _BITS and set(self.digits) <= {*"01"}
 
     def value(self, reading: str) -> bytes:
         """The bytes that it is; none where it cannot be."""

@@ -139,13 +139,12 @@ def _arrow(match: re.Match[str]) -> LineMark:
 
 def _word(text: str, match: re.Match[str]) -> LineMark | None:
     """A word that is a mark; `no response`, behind which the next request may stand, and `slave 12` are none."""
-    word, end = match["word"], match.end("word")
-    signed = match["sign"] is not None and not (word.lower() in _SPEAKERS and match["sign"].strip().isdigit())
-    kind = _of_word(word, signed=signed or _is_method(text, *match.span("word")))
-    before = text[max(match.start() - _NEGATED_WITHIN, 0) : match.start()]
-    if not kind or (len(word) > _CODE and _NEGATED.search(before)):
+    (start, end), plain = match.span("word"), match["word"].lower()
+    signed = match["sign"] is not None and not (plain in _SPEAKERS and match["sign"].strip().isdigit())
+    kind = _of_word(plain, signed=signed or _is_method(text, start, end))
+    if not kind or (len(plain) > _CODE and _NEGATED.search(text[max(start - _NEGATED_WITHIN, 0) : start])):
         return None
-    return LineMark(match.start(), end + text.startswith(":", end), kind, plain=word.lower() not in _SIGNED)
+    return LineMark(start, end + text.startswith(":", end), kind, plain=plain not in _SIGNED)
 
 
 def _is_method(text: str, start: int, end: int) -> bool:
@@ -154,12 +153,12 @@ def _is_method(text: str, start: int, end: int) -> bool:
 
 
 def _of_word(word: str, *, signed: bool) -> int:
-    plain = word.lower()
-    kind = _MARK_OF.get(plain, NONE) or (_SIGNED.get(plain, NONE) if signed else NONE)
+    """What a word in small letters says."""
+    kind = _MARK_OF.get(word, NONE) or (_SIGNED.get(word, NONE) if signed else NONE)
     if kind:
         return kind
     if word.isascii():
-        carried = _CARRIED.fullmatch(plain)
+        carried = _CARRIED.fullmatch(word)
         return NONE if carried is None else _of_word(carried["way"] or carried["done"], signed=signed)
     parts = ((word.rfind(part), len(part), mark) for part, mark in _PART_OF.items())
     found = [(at, mark) for at, size, mark in parts if at >= 0 and _NAMED.match(word, at + size) is None]
@@ -167,7 +166,7 @@ def _of_word(word: str, *, signed: bool) -> int:
 
 
 def _of_speaker(word: str) -> int:
-    return _of_word(word, signed=True) or _SPEAKERS.get(word.lower().rstrip("0123456789"), NONE)
+    return _of_word(word.lower(), signed=True) or _SPEAKERS.get(word.lower().rstrip("0123456789"), NONE)
 
 
 def is_mark(word: str) -> bool:
@@ -222,7 +221,8 @@ _LAYOUTS: Final = (
      _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"
             r"(?:\+{3}|-{3}) (?:exited|killed|SIG))"),
     ("pymodbus", LineRole.BYTES, NONE,
-     r"(?i)^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
+     r"(?i)^(?=.*[a-z](?:: | - ))(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?"
+            r"(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
             r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|short frame|"
             r"current frame in buffer)(?:: | - )"
             r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*"

@@ -21,8 +21,13 @@ from .runs import ByteRun, covered, is_whole
 
 Runs = Callable[[str], Sequence[ByteRun]]  # of a line as it stands there
 
-_BEGINS: Final = re.compile(r"[\s>*#/|]{0,12}(?:,\s?)?(?:0?[xX]|16#|\\x|[$%\\&'\"\[<({,-]|#)?[0-9A-Fa-f]")
-_ENDS: Final = re.compile(r"[0-9A-Fa-f][\s,\\hH'\"\])}>;:|.-]{0,4}$|[xX#$%0\\\[<&]$|[,-]\s?$")
+_BEGINS, _ENDS = (  # with bytes
+    re.compile(pattern)
+    for pattern in (
+        r"[\s>*#/|]{0,12}(?:,\s?)?(?:0?[xX]|16#|\\x|[$%\\&'\"\[<({,-]|#)?[0-9A-Fa-f]",
+        r"[0-9A-Fa-f][\s,\\hH'\"\])}>;:|.-]{0,4}$|[xX#$%0\\\[<&]$|[,-]\s?$",
+    )
+)
 _MARGIN: Final = " \t>*#/|"  # what mails and tables put before a line
 _CLOSING: Final = " ,;\\|`'\"])}>"
 _MOST_LINES: Final = 48
@@ -55,9 +60,10 @@ class Unwrapper:
             spent = 1
             if count > 1:
                 found = self._merged([plain(text) for _, text in islice(ahead, count)])
-                self._waited = self._waited + 1 if found is None else 0
+                self._waited += 1
                 if found is not None:
                     text, spent = found
+                    self._waited = 0
                 elif count >= _LONG_CHAIN:  # from the next line on it would be the same
                     yield from (ahead.popleft() for _ in range(count - 2))
                     number, text = ahead[0]
@@ -74,8 +80,7 @@ class Unwrapper:
             return 1
         count, size = 1, len(first)
         while count < _MOST_LINES and size < _MOST:
-            if count == len(ahead):
-                ahead.extend(islice(source, 1))
+            ahead.extend(islice(source, max(count + 1 - len(ahead), 0)))
             if count == len(ahead):
                 break
             above, text = ahead[count - 1][1], ahead[count][1]

@@ -121,6 +121,7 @@ class WritingRow(NamedTuple):
     decode: Callable[[str], bytes | None]
     few: Writing
     many: Writing
+    group: str | int
 
 
 _NO, _LIKELY, _PLAIN = Writing
@@ -129,7 +130,8 @@ _NO, _LIKELY, _PLAIN = Writing
 def _row(
     shape: str, sign: str, pattern: str, decode: Callable[[str], bytes | None], few: Writing = _NO, many: Writing = _NO
 ) -> WritingRow:
-    return WritingRow(shape, sign, re.compile(pattern), decode, few, many)
+    found = re.compile(pattern)
+    return WritingRow(shape, sign, found, decode, few, many, "bytes" if "bytes" in found.groupindex else 0)
 
 
 _OD: Final = "swapped words, octal or decimal"
@@ -160,7 +162,7 @@ OTHER_ROWS: Final = (
     _row("pair [.]", "[", rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}", _pairs_of),  # `6B [k]`
     _row("(pair)", "(", rf"(?<=\d)\({H}{{2}}\)(?:[^()]{{0,9}}\d\({H}{{2}}\)){{3,}}", _in_brackets),  # `107(6B)`
     _row("(byte)", "(", rf"{_OF_BRACKET}(?:.{{0,16}}?{_OF_BRACKET}){{3,}}", _bracketed),
-    _row(LOOK_ALIKES, "", MISTYPED.pattern, _mistyped),  # `O1 03 СD`
+    _row(LOOK_ALIKES, "", MISTYPED, _mistyped),  # `O1 03 СD`
     _row("decimal", "", r"^\s*(?P<bytes>\d{1,3}(?:(?:\s*,\s*|\s+)\d{1,3}){0,2})\s*(?:[\])}]|,?\s*$)", _numbers_of),
     _row("digits", "", _APART, _digits_of),
     _row("digits", "", rf"{EDGE}{H}{{1,2}}(?P<gap>[ \t]?[,:;|-][ \t]?){H}{{1,2}}(?:(?P=gap){H}{{1,2}}){{2,}}{END}",
@@ -176,8 +178,7 @@ def of_rows(rows: Iterable[WritingRow], text: str) -> Iterator[HexWindow]:
     """The runs of characters in a text that are written in one of these ways."""
     for row in rows:
         for match in row.pattern.finditer(text) if row.sign in text else ():
-            group = "bytes" if "bytes" in row.pattern.groupindex else 0
-            data = row.decode(match[group])
+            data = row.decode(match[row.group])
             if data is not None:
                 level = row.many if len(data) >= _SOME else row.few
-                yield HexWindow(data, *match.span(group), row.shape, level, row.shape.startswith("ascii"))
+                yield HexWindow(data, *match.span(row.group), row.shape, level, row.shape.startswith("ascii"))
