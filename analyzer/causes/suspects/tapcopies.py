@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Final
 
 from dissectors.crc import crc16
 
+from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence
@@ -18,6 +20,8 @@ from .structure import TAP_TAKES
 _LEAST: Final = 2  # bytes: one may be anybody's,
 _BOTH: Final = 2  # and copies of requests and of answers: no sender sends both
 _SHARE: Final = 0.2  # of what was looked at; one stretch may fall into the next
+_HALF: Final = 0.5
+_AGAIN_NS: Final = 75e6  # nobody gives up sooner
 _BITS: Final = 12.0  # a check value that is right without the copy, less the places where it may stand
 
 
@@ -43,9 +47,27 @@ def _are_right(frames: bytes, asked: int, base: int) -> bool:
     return not (crc16(frames[:asked]) or crc16(frames[asked:base]) or crc16(frames[base:]) * (len(frames) > base))
 
 
-def _counted(samples: Samples) -> tuple[float, float]:
+def _come_too_soon(sample: Sample, char_ns: float) -> bool:
+    """Whether what ends an answer comes once more sooner than anybody can send it."""
+    return any(
+        before.answers
+        and before.data.endswith(piece.data)
+        and piece.t_start < before.t_end - _HALF * len(piece.data) * char_ns
+        for before, piece in pairwise(sample.pieces)
+    )
+
+
+def _sent_ns(evidence: Evidence) -> float:
+    """How long a character takes to be sent; infinite where the tap does not tell what a client asks again when it has given
+    up from what cannot have been sent again so soon."""
+    ledger = evidence.ledger
+    told = len(ledger.ports) < 2 and not ledger.echoing and evidence.verdict.wait_ns <= _AGAIN_NS
+    return ledger.char_ns if told else UNKNOWN
+
+
+def _counted(samples: Samples, char_ns: float) -> tuple[float, float]:
     """About how many of these exchanges have a copy in a request, and in an answer."""
-    found = [copied(sample) for sample in samples.kept]
+    found = [(False, True) if _come_too_soon(sample, char_ns) else copied(sample) for sample in samples.kept]
     return samples.weight * sum(asked for asked, _ in found), samples.weight * sum(answered for _, answered in found)
 
 
@@ -63,11 +85,12 @@ def _counted(samples: Samples) -> tuple[float, float]:
 )
 def tap_repeats(evidence: Evidence) -> Iterator[Suspicion]:
     """Copies in what the client sends, and in what units do."""
-    requests = answers = damaged = 0.0
+    char_ns, waits, answers = _sent_ns(evidence), evidence.ledger.repeat_waits, 0.0
+    requests = damaged = len(waits) * waits.below(-_HALF * READ_REQUEST * char_ns)  # before they can be sent once more
     for unit in evidence.units:
         for samples, symptom in ((unit.samples, Symptom.DAMAGE), (unit.followed, Symptom.BEHIND)):
             if evidence.is_open(symptom, unit.unit):
-                asked, answered = _counted(samples)
+                asked, answered = _counted(samples, char_ns)
                 requests, answers, damaged = requests + asked, answers + answered, damaged + samples.offered
     copies = requests + answers
     if min(requests, answers) < _BOTH or copies < _SHARE * damaged:
