@@ -80,10 +80,16 @@ class Ledger:
     ports: defaultdict[int, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
     grid: TimeGrid = field(default_factory=TimeGrid)
     request_gaps: Thinned = field(default_factory=Thinned)  # before requests behind a good answer, by the reads
+    joined: int = 0  # requests behind a good answer that came in one read with its end,
+    pauses_most: Thinned = field(
+        default_factory=Thinned
+    )  # and how long the pause before is at the most, where that is known
     turnarounds: Thinned = field(default_factory=Thinned)  # broadcast to the next request
     exchanges: int = 0
     answered: int = 0
     frames: int = 0
+    enveloped: int = 0  # requests of Modbus TCP, of which nothing else is known here
+    enveloped_answers: int = 0
     requests: int = 0
     responses: int = 0
     loose_responses: int = 0  # right ones that answer nothing
@@ -118,6 +124,9 @@ class Ledger:
     def feed(self, batch: Batch, transactions: TransactionRows) -> None:
         """The next rows, with the transactions that began among them."""
         if (networked := batch.rows.protocol == Protocol.TCP).any():  # what happens there has no wire for a cause
+            kinds = batch.rows.kind[networked]
+            self.enveloped += int(np.count_nonzero(kinds == _REQUEST))
+            self.enveloped_answers += int(np.count_nonzero(kinds == _RESPONSE))
             batch = replace(batch, rows=batch.rows[~networked])
         if not len(batch):
             return
@@ -249,8 +258,13 @@ class Ledger:
 
     def _count_bus(self, exchanges: Exchanges, odd: Bools, times: Int64s) -> None:
         clean = (exchanges.t_answered != NEVER) & (exchanges.t_next != NEVER) & ~odd
-        gaps = exchanges.gap_before[1:][clean[:-1]]
-        self.request_gaps.add(gaps[gaps != NO_GAP])
+        gaps, holes = exchanges.gap_before[1:][clean[:-1]], exchanges.hole[:-1][clean[:-1]]
+        joined = gaps == NO_GAP
+        self.request_gaps.add(gaps[~joined])
+        self.joined += int(np.count_nonzero(joined))
+        self.pauses_most.add(
+            holes[joined & (holes > 0)]
+        )  # from a read amid the answer on, so that its last byte was on time
         self._count_broadcasts(exchanges, exchanges.outcome == Ending.BROADCAST)
         self.grid.add(ASKED, times)
         self.grid.add(DAMAGE, times[(exchanges.outcome == Ending.GARBAGE) | (exchanges.noise > 0)])

@@ -11,6 +11,7 @@ from dissectors.crc import crc_bytes, matching
 from dissectors.lengths import Role, pdu_length
 
 from ...tables.findings import Severity
+from ...tables.taps import TapKind, tap_kind
 from ..bits import surplus_bits
 from ..costs import kind_bits
 from ..evidence import HEALTHY, Evidence
@@ -168,6 +169,9 @@ _BODY: Final = 6  # bytes before the check value, of the shortest
 _TILED: Final = 0.6  # of the bytes in no frame
 _FEW: Final = 8
 CUT: Final = "the last byte is missing"
+ENVELOPED: Final = "they are those of Modbus TCP, without a check value"
+_CLAUSES: Final = {CUT: "cut", ENVELOPED: "cut"}  # the others are names of check values
+_FLAW_BITS: Final = {CUT: _CUT_BITS}
 
 
 def _flaws(data: bytes) -> Iterator[tuple[str, int]]:
@@ -196,12 +200,17 @@ def _flaws(data: bytes) -> Iterator[tuple[str, int]]:
     "the bytes examined, and no unit answers such frames",
     share="{frames:,} requests with this flaw, {right:,} right frames",
     deciding_test="Read from one unit with a program that is known to work: the unit must answer it",
-    remedy="Correct the client's program: how it makes the CRC, and how many bytes it writes to the port",
+    remedy="Correct the client's program: how it makes the CRC, and how many bytes it writes to the port; set a gateway that "
+    "passes Modbus TCP on as it is to turn it into RTU",
 )
 def request_flaw(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests that are right but for one thing, where next to nothing else is a frame, or next to nothing else is
-    damaged."""
+    damaged; or that wear the header of Modbus TCP on a line of ours, and get no answer."""
     ledger = evidence.ledger
+    serial = tap_kind(ledger.line) is TapKind.SERIAL
+    if serial and ledger.enveloped >= _FEW and not ledger.enveloped_answers:
+        yield _flawed(evidence, ENVELOPED, ledger.enveloped, alone=not ledger.frames)
+        return
     alone = ledger.right_bytes <= (1 - _TILED) * ledger.bytes
     looked_at = [data for _, _, data in ledger.noise] + ledger.spoilt
     if not alone:
@@ -211,16 +220,18 @@ def request_flaw(evidence: Evidence) -> Iterator[Suspicion]:
     for flaw, count in Counter(flaw for flaw, _ in flaws).most_common(1):
         if count < _FEW or sum(length for each, length in flaws if each == flaw) < _TILED * size:
             return
-        bits = (_CUT_BITS if flaw == CUT else _CONVENTION_BITS) * count
-        bits *= max((ledger.bytes - ledger.right_bytes) / size, 1.0)
-        behind: Explained = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units)
-        numbers = {
-            "flaw": "" if flaw == CUT else flaw,
-            "cut": CUT if flaw == CUT else "",
-            "frames": count,
-            "right": ledger.requests + ledger.responses,
-        }
-        yield Suspicion((), bits, everything(evidence) if alone else behind, numbers, ledger.begin, ledger.end)
+        stands_for = max((ledger.bytes - ledger.right_bytes) / size, 1.0)
+        yield _flawed(evidence, flaw, count, stands_for, alone=alone)
+
+
+def _flawed(evidence: Evidence, flaw: str, count: int, stands_for: float = 1.0, *, alone: bool) -> Suspicion:
+    """So many requests with a flaw, each of which stands for so many."""
+    ledger = evidence.ledger
+    behind: Explained = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units)
+    words = {"flaw": "", "cut": "", _CLAUSES.get(flaw, "flaw"): flaw}
+    numbers = words | {"frames": count, "right": ledger.requests + ledger.responses}
+    bits = _FLAW_BITS.get(flaw, _CONVENTION_BITS) * count * stands_for
+    return Suspicion((), bits, everything(evidence) if alone else behind, numbers, ledger.begin, ledger.end)
 
 
 _ANSWERS_DUE: Final = frozenset((1, 2, 3, 4, 7, 0x11, 0x14, 0x17, 0x18, 0x2B))  # functions that only read

@@ -21,6 +21,7 @@ from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
+from ..flatmemory import Thinned
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Signature, is_like_request
 
@@ -101,6 +102,10 @@ _GAPS_LEAST: Final = 5
 _TOO_SOON: Final = 0.9  # of t3.5
 _HASTY_MOSTLY: Final = 0.5
 _STRAYS: Final = 0.3  # of t3.5, at the most
+_LATENCY_NS: Final = 25e6  # of an adapter: of what comes later than that nobody knows what was between
+_TOLD: Final = 0.2  # of the pauses
+_PAUSES_LEAST: Final = 20
+_HALF: Final = 0.5  # of a character, by which the last byte of a read came before it
 
 
 def _told_t35(evidence: Evidence) -> float | None:
@@ -108,6 +113,19 @@ def _told_t35(evidence: Evidence) -> float | None:
     due, verdict = evidence.t35_ns, evidence.verdict
     carried = due is not None and verdict.fine and verdict.jitter_ns <= _STRAYS * due
     return due if carried and len(evidence.ledger.ports) <= 1 else None
+
+
+def _pauses(evidence: Evidence) -> tuple[float, Thinned, float]:
+    """The line's t3.5, the pauses before requests and by how much they may be wrong (ns); where the clock does not carry it,
+    what those have at the most that come in one read with the end of the answer before, behind the read that brought its
+    middle: its last byte was on time. t3.5 is 0 where neither is known."""
+    due, ledger, verdict = _told_t35(evidence), evidence.ledger, evidence.verdict
+    if due is not None:
+        return due, ledger.request_gaps, verdict.jitter_ns
+    due, most = evidence.t35_ns or 0.0, ledger.pauses_most
+    told = len(most) >= _TOLD * (ledger.joined + len(ledger.request_gaps)) and len(ledger.ports) < 2
+    fit = told and verdict.wait_ns <= _LATENCY_NS and verdict.step_ns <= _STRAYS * due
+    return due * fit, most, _HALF * ledger.char_ns
 
 
 @suspect(
@@ -122,13 +140,10 @@ def _told_t35(evidence: Evidence) -> float | None:
     remedy="Set the client's inter-frame delay to at least {due:ms}: 3.5 characters, above 19200 bit/s always 1.75 ms",
 )
 def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
-    """Less than t3.5 before requests, where the clock carries it."""
-    gaps, due = evidence.ledger.request_gaps, _told_t35(evidence)
-    if due is None:
-        return
-    share = 1 - gaps.above(_TOO_SOON * due - evidence.verdict.jitter_ns)
-    median = gaps.quantile(0.5)
-    if len(gaps) < 20 or share < _HASTY_MOSTLY or median is None:
+    """Less than t3.5 before requests, where the clock carries it, or what they have at the most."""
+    due, gaps, off = _pauses(evidence)
+    share, median = 1 - gaps.above(_TOO_SOON * due - off), gaps.quantile(0.5)
+    if not due or len(gaps) < _PAUSES_LEAST or share < _HASTY_MOSTLY or median is None:
         return
     yield Suspicion(
         (),
@@ -160,7 +175,7 @@ def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
         return
     found = []
     for unit in evidence.units:
-        share = 1 - unit.gaps.above(_TOO_SOON * due - evidence.verdict.jitter_ns) if len(unit.gaps) else 0.0
+        share = 1 - unit.gaps.above(_TOO_SOON * due - evidence.verdict.jitter_ns)
         if len(unit.gaps) >= _GAPS_LEAST and share >= _HASTY_MOSTLY and evidence.is_open(Symptom.TIMING, unit.unit):
             found.append((surplus_bits(share * len(unit.gaps), len(unit.gaps), 0.05), unit, share))
     if not found:
