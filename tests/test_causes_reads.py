@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from random import Random
 
 import pytest
-from bursts import answer_of, frame, named, read_of
+from bursts import answer_of, named, read_of
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
@@ -84,17 +84,3 @@ def test_requests_of_modbus_tcp_that_nobody_answers_are_a_flaw() -> None:
     (found,) = _causes(_reads(_enveloped(answered=False)))
     assert found.cause == "request-flaw" and "Modbus TCP" in found.text
     assert not _causes(_reads(_enveloped(answered=True)))
-
-
-def _called(broadcasts: int, apart_ms: float, rest_ms: float) -> Iterator[Sent]:
-    for i in range(120):
-        for each in range(broadcasts):
-            yield apart_ms, frame(0, 6, 32, 1, each, i)
-        yield rest_ms, read_of(1 + i % 3)
-        yield 9.0, answer_of(1 + i % 3, 300 + i)
-
-
-def test_broadcasts_between_which_polls_wait_their_turn_are_a_storm_though_units_answer() -> None:
-    """A heartbeat goes on while a unit is asked; one broadcast a round holds up nobody."""
-    assert [cause.cause for cause in _causes(_reads(_called(5, 24.0, 30.0)))] == ["broadcast-storm"]
-    assert not _causes(_reads(_called(1, 24.0, 130.0)))

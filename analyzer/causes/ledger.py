@@ -81,9 +81,7 @@ class Ledger:
     grid: TimeGrid = field(default_factory=TimeGrid)
     request_gaps: Thinned = field(default_factory=Thinned)  # before requests behind a good answer, by the reads
     joined: int = 0  # requests behind a good answer that came in one read with its end,
-    pauses_most: Thinned = field(
-        default_factory=Thinned
-    )  # and how long the pause before is at the most, where that is known
+    pauses_most: Thinned = field(default_factory=Thinned)  # and the pause before at the most, where that is known
     turnarounds: Thinned = field(default_factory=Thinned)  # broadcast to the next request
     exchanges: int = 0
     answered: int = 0
@@ -262,9 +260,8 @@ class Ledger:
         joined = gaps == NO_GAP
         self.request_gaps.add(gaps[~joined])
         self.joined += int(np.count_nonzero(joined))
-        self.pauses_most.add(
-            holes[joined & (holes > 0)]
-        )  # from a read amid the answer on, so that its last byte was on time
+        known = joined & (holes > 0)  # from a read amid the answer on: its last byte was on time
+        self.pauses_most.add(holes[known])
         self._count_broadcasts(exchanges, exchanges.outcome == Ending.BROADCAST)
         self.grid.add(ASKED, times)
         self.grid.add(DAMAGE, times[(exchanges.outcome == Ending.GARBAGE) | (exchanges.noise > 0)])

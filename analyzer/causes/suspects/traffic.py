@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -115,25 +115,37 @@ def _told_t35(evidence: Evidence) -> float | None:
     return due if carried and len(evidence.ledger.ports) <= 1 else None
 
 
-def _pauses(evidence: Evidence) -> tuple[float, Thinned, float]:
-    """The line's t3.5, the pauses before requests and by how much they may be wrong (ns); where the clock does not carry it,
-    what those have at the most that come in one read with the end of the answer before, behind the read that brought its
-    middle: its last byte was on time. t3.5 is 0 where neither is known."""
+_AT_MOST: Final = "at most"
+
+
+class _Pauses(NamedTuple):
+    """The line's t3.5 (ns; 0 where it cannot be held against anything), pauses before requests and by how much they may be
+    wrong (ns); `bound`: what they are to the times shown."""
+
+    due: float
+    times: Thinned
+    off: float
+    bound: str
+
+
+def _pauses(evidence: Evidence) -> _Pauses:
+    """The pauses before requests; where the clock does not carry them, what those have at the most that come in one read with
+    the end of the answer before, behind the read that brought its middle: its last byte was on time."""
     due, ledger, verdict = _told_t35(evidence), evidence.ledger, evidence.verdict
     if due is not None:
-        return due, ledger.request_gaps, verdict.jitter_ns
+        return _Pauses(due, ledger.request_gaps, verdict.jitter_ns, "")
     due, most = evidence.t35_ns or 0.0, ledger.pauses_most
     told = len(most) >= _TOLD * (ledger.joined + len(ledger.request_gaps)) and len(ledger.ports) < 2
     fit = told and verdict.wait_ns <= _LATENCY_NS and verdict.step_ns <= _STRAYS * due
-    return due * fit, most, _HALF * ledger.char_ns
+    return _Pauses(due * fit, most, _HALF * ledger.char_ns, _AT_MOST)
 
 
 @suspect(
     "master-too-fast",
     Severity.WARNING,
     blame="master",
-    text="The client sends its next request {gap:ms} after an answer (median) instead of {due:ms}: {short:,} of "
-    "{requests:,} requests",
+    text="The client sends its next request [{bound} ]{gap:ms} after an answer (median) instead of {due:ms}: "
+    "{short:,} of {requests:,} requests",
     share="{short:,} of {requests:,} requests",
     deciding_test="Look at the client's delay between polls; with 5 ms before each request the units that lost "
     "requests must answer",
@@ -141,15 +153,17 @@ def _pauses(evidence: Evidence) -> tuple[float, Thinned, float]:
 )
 def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before requests, where the clock carries it, or what they have at the most."""
-    due, gaps, off = _pauses(evidence)
+    due, gaps, off, bound = _pauses(evidence)
     share, median = 1 - gaps.above(_TOO_SOON * due - off), gaps.quantile(0.5)
-    if not due or len(gaps) < _PAUSES_LEAST or share < _HASTY_MOSTLY or median is None:
+    if len(gaps) < _PAUSES_LEAST or share < _HASTY_MOSTLY:
         return
+    assert median is not None
     yield Suspicion(
         (),
         surplus_bits(share * len(gaps), len(gaps), 0.05),
         frozenset({(Symptom.TIMING, None)}),
         {
+            "bound": bound,
             "gap": median / 1e6,
             "short": round(share * len(gaps)),
             "requests": len(gaps),
