@@ -34,16 +34,13 @@ _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _LABEL: Final = 28  # characters
 _RUN_TOGETHER: Final = "digits run together"
-_PAIR_OF_HEX, _NUMBERS, _BLANKS, _CUT, _HALVED = (
-    re.compile(pattern)
-    for pattern in (
-        r"(?<!\d)0\d(?!\d)",  # `00`, `03`: numbers are not written so
-        r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+",
-        r"[\s|*#/<>`-]+(?=([:=]?))",
-        r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)",  # behind bytes of which there are more
-        rf"[ \t]{{1,4}}(?:{H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))",  # behind which there is half a byte
-    )
-)
+_PAIR_OF_HEX: Final = re.compile(r"(?<!\d)0\d(?!\d)")  # `00`, `03`: numbers are not written so
+_NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
+_BLANKS: Final = re.compile(r"[\s|*#/<>`-]+(?=([:=]?))")
+_CUT: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")  # behind bytes of which there are more
+_HALVED: Final = re.compile(
+    rf"[ \t]{{1,4}}(?:{H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))"
+)  # behind which there is half a byte
 
 
 def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:

@@ -26,14 +26,9 @@ FEW: Final = 4  # bytes, up to which numbers beside one another may look like th
 LEAST_COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
 _MOST_COLUMNS: Final = 4  # from either side of a line
 _LEAST_CELLS: Final = 3  # of a row of a table
-_FIELD, _LETTERS, _SAID_BEFORE = (
-    re.compile(pattern)
-    for pattern in (
-        rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)",
-        "[g-zG-Z]",
-        r"(?<![\w.])(?:0b(?P<bits>[01]{8})|(?P<decimal>\d{1,3}))\W{1,3}$",  # `Byte 27 (0X1b)`
-    )
-)
+_FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
+_LETTERS: Final = re.compile("[g-zG-Z]")
+_SAID_BEFORE: Final = re.compile(r"(?<![\w.])(?:0b(?P<bits>[01]{8})|(?P<decimal>\d{1,3}))\W{1,3}$")  # `Byte 27 (0X1b)`
 FIELDS: Final = 3  # names that make a list of a frame's fields
 _COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
 _OCTETS: Final = "b'' b'' b''"

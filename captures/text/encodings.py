@@ -18,15 +18,12 @@ _LOOK: Final = 4096  # bytes
 _HIGH: Final = b"\x00\x04"  # upper bytes of Latin and Cyrillic letters, digits and signs
 _SHARE: Final = 0.9  # of characters with such an upper byte
 _CODE_PAGES: Final = ("cp1251", "cp866", "koi8-r", "gb18030", "cp1252", "big5", "cp932", "euc-kr")
-_WORD, _LIKELY, _LATIN = (
-    re.compile(pattern)
-    for pattern in (
-        r"[^\W\d_]+",
-        r"(?<!\w)(?:[\u0400-\u042f]?[\u0430-\u045f]{2,}|[\u0400-\u042f]{2,})(?!\w)|"  # Russian words,
-        r"[\u3040-\u30ff\u4e00-\u9fff\uac00-\ud7a3]{2,}",  # several signs of the East
-        r"(?<!\w)[A-Z\u00c0-\u00de]?[a-z\u00df-\u00ff]+(?!\w)",
-    )
+_WORD: Final = re.compile(r"[^\W\d_]+")
+_LIKELY: Final = re.compile(  # Russian words, several signs of the East
+    r"(?<!\w)(?:[\u0400-\u042f]?[\u0430-\u045f]{2,}|[\u0400-\u042f]{2,})(?!\w)|"
+    r"[\u3040-\u30ff\u4e00-\u9fff\uac00-\ud7a3]{2,}"
 )
+_LATIN: Final = re.compile(r"(?<!\w)[A-Z\u00c0-\u00de]?[a-z\u00df-\u00ff]+(?!\w)")
 
 
 def is_binary(head: bytes) -> bool:

@@ -46,17 +46,14 @@ def _whole(held: Sequence[NumberedLine]) -> list[NumberedLine]:
     return [(held[0][0], " ".join(line.strip() for _, line in held))]
 
 
-_SIGNS, _WORD, _KEY, _OPENS, _ITEM, _TIMED = (
-    re.compile(pattern)
-    for pattern in (
-        r"(?:[ \t]{0,3}>(?=[ \t>]|$)[ \t]?)+",  # of a letter
-        r"(?<![\w\\])(?=\w*[g-zG-Z\u0400-\u04ff])[A-Za-z\u0400-\u04ff]\w+|[{}]",
-        r'\s*"[^"]*"\s*:',
-        r"(?P<indent>\s*)(?:\[\s*|\}\s*,\s*)?\{\s*$",
-        r"(?P<indent>\s*)- [\"']?[A-Za-z]\w*[\"']?:(?:\s|$)",
-        r"(?i)(?:[\"{\s'-]|^)(?:ts?|time\w*|date\w*|at|when|[\w.]*(?:time_?stamp|epoch)|"
-        r"(?:elapsed|uptime|t)(?:_?(?:ms|us|ns|s))?)[\"']?\s*:",
-    )
+_SIGNS: Final = re.compile(r"(?:[ \t]{0,3}>(?=[ \t>]|$)[ \t]?)+")  # of a letter
+_WORD: Final = re.compile(r"(?<![\w\\])(?=\w*[g-zG-Z\u0400-\u04ff])[A-Za-z\u0400-\u04ff]\w+|[{}]")
+_KEY: Final = re.compile(r'\s*"[^"]*"\s*:')
+_OPENS: Final = re.compile(r"(?P<indent>\s*)(?:\[\s*|\}\s*,\s*)?\{\s*$")
+_ITEM: Final = re.compile(r"(?P<indent>\s*)- [\"']?[A-Za-z]\w*[\"']?:(?:\s|$)")
+_TIMED: Final = re.compile(
+    r"(?i)(?:[\"{\s'-]|^)(?:ts?|time\w*|date\w*|at|when|[\w.]*(?:time_?stamp|epoch)|"
+    r"(?:elapsed|uptime|t)(?:_?(?:ms|us|ns|s))?)[\"']?\s*:"
 )
 _LEAST_QUOTED: Final = 3  # lines
 
@@ -99,20 +96,17 @@ ITEM: Final = Joining(  # of YAML, if it has a time
 
 # A line that is several.
 
-_NESTING, _SEVERAL, _ENTRY, _TURN, _TURN_BYTES = (
-    re.compile(pattern)
-    for pattern in (
-        r'"(?:[^"\\]|\\.)*"?|[][{}]',
-        r"\}\s*,\s*\{",
-        # how one begins in a log,
-        r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
-        r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )",
-        # with its time, wherever it stands
-        r"(?:[\[(]|(?<![\w:./-]))(?:(?:\d{4}[-/.]\d\d[-/.]\d\d|\d\d[-/.]\d\d[-/.]\d{4})[ T]{1,2})?"
-        r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)",
-        rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)",
-    )
+_NESTING: Final = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}]')
+_SEVERAL: Final = re.compile(r"\}\s*,\s*\{")
+_ENTRY: Final = re.compile(  # how one begins in a log,
+    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
+    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )"
 )
+_TURN: Final = re.compile(  # with its time, wherever it stands
+    r"(?:[\[(]|(?<![\w:./-]))(?:(?:\d{4}[-/.]\d\d[-/.]\d\d|\d\d[-/.]\d\d[-/.]\d{4})[ T]{1,2})?"
+    r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)"
+)
+_TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
 _SIGNS_OF_CELLS: Final = ";\t|"
 _SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
 _SEVERAL_ENTRIES: Final = 3

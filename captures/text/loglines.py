@@ -36,18 +36,16 @@ if TYPE_CHECKING:
     from .tokens import NumberToken
 
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
-_COMMENT, _ANNOUNCED, _JPNEVULATOR, _SOCAT_BYTES, _OCTET, _CODE_SPAN = (
-    re.compile(pattern)
-    for pattern in (
-        r"^\s*(?:#|//|;|--|/?\*)",
-        r"(?i)(?:\b(\d{1,5}) ?bytes?\b|/(\d{1,5}):?$|\b(?:write|read|length|len|size)[ =:]+(\d{1,5})$)",
-        r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$",
-        r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$",
-        r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])",
-        # Markdown's marks about a part of a frame, as of its check value
-        r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})",
-    )
+_COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
+_ANNOUNCED: Final = re.compile(
+    r"(?i)(?:\b(\d{1,5}) ?bytes?\b|/(\d{1,5}):?$|\b(?:write|read|length|len|size)[ =:]+(\d{1,5})$)"
 )
+_JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
+_SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$")
+_OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
+_CODE_SPAN: Final = re.compile(
+    r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})"
+)  # Markdown's marks about a part of a frame, as of its check value
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _STAMPS: Final = 4096  # times that are looked at

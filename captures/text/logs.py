@@ -39,13 +39,8 @@ _CRC: Final = 2  # bytes
 _WORDS: Final = (None, 1)  # that are looked at: between bytes, behind the last
 _TYPED: Final = 3  # characters of a byte with one too many
 _POINTS: Final = 3  # in the address of a network
-_NUMBERS, _PORTION = (  # as people write them; of a long line
-    re.compile(pattern)
-    for pattern in (
-        r"(?:0|[1-9]\d*)(?:[ \t,;/:-]+(?:0|[1-9]\d*))*",
-        rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}",
-    )
-)
+_NUMBERS: Final = re.compile(r"(?:0|[1-9]\d*)(?:[ \t,;/:-]+(?:0|[1-9]\d*))*")
+_PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
 
 
 @dataclass(frozen=True, slots=True)

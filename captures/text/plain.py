@@ -19,17 +19,14 @@ _PLAIN: Final = str.maketrans(
     | dict(zip("\u2018\u2019\u201c\u201d、【】│┊║┃", "''\"\",[]| ||", strict=True))
 )
 _SOME: Final = 3  # numbers that make a list, or a frame
-_OTHER_DIGIT, _OCTET, _SIGN_EXTENDED, _SMALL_HEX, _ESCAPED_ONCE, _ESCAPE = (
-    re.compile(pattern)
-    for pattern in (
-        r"(?![0-9])\d",  # of another script
-        r"<[0-9A-Fa-f]{2}>",
-        r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])",  # %02x of a char
-        r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])",
-        r"(?<!\\)(?:\\\\)*\\x",
-        r"\\(.)",
-    )
-)
+_OTHER_DIGIT: Final = re.compile(r"(?![0-9])\d")  # of another script
+_OCTET: Final = re.compile(r"<[0-9A-Fa-f]{2}>")
+_SIGN_EXTENDED: Final = re.compile(
+    r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])"
+)  # %02x of a char
+_SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
+_ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
+_ESCAPE: Final = re.compile(r"\\(.)")
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 
 

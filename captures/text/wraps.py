@@ -21,13 +21,8 @@ from .runs import ByteRun, covered, is_whole
 
 Runs = Callable[[str], Sequence[ByteRun]]  # of a line as it stands there
 
-_BEGINS, _ENDS = (  # with bytes
-    re.compile(pattern)
-    for pattern in (
-        r"[\s>*#/|]{0,12}(?:,\s?)?(?:0?[xX]|16#|\\x|[$%\\&'\"\[<({,-]|#)?[0-9A-Fa-f]",
-        r"[0-9A-Fa-f][\s,\\hH'\"\])}>;:|.-]{0,4}$|[xX#$%0\\\[<&]$|[,-]\s?$",
-    )
-)
+_BEGINS: Final = re.compile(r"[\s>*#/|]{0,12}(?:,\s?)?(?:0?[xX]|16#|\\x|[$%\\&'\"\[<({,-]|#)?[0-9A-Fa-f]")
+_ENDS: Final = re.compile(r"[0-9A-Fa-f][\s,\\hH'\"\])}>;:|.-]{0,4}$|[xX#$%0\\\[<&]$|[,-]\s?$")
 _MARGIN: Final = " \t>*#/|"  # what mails and tables put before a line
 _CLOSING: Final = " ,;\\|`'\"])}>"
 _MOST_LINES: Final = 48
