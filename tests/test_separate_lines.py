@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from buses import LINE, adu, spaced
 from running import ran, refused
+from seats import Seat, opened, using
 
 import captures
 from analyzer.reports import summarize
@@ -92,3 +93,11 @@ def test_what_certifies_one_line_asks_which(capsys, two):
 def test_a_port_that_is_not_there(capsys, two):
     assert "has no port 5; its ports: 0, 1" in refused(capsys, "report", two, "--only-port", "5")
     assert "not a port's number" in refused(capsys, "report", two, "--only-port", "x")
+
+
+def test_home_says_so_first(two):
+    async def work(sitting: Seat) -> None:
+        await sitting.press("0")
+        await sitting.until(lambda: "2 separate lines read as one: use --only-port 0" in sitting.shown())
+
+    using(opened(two), work)

@@ -174,6 +174,9 @@ class HomeList(Lines):
             return
         if desk.is_emptied:
             yield desk.emptied(), "dim"
+        if ports := state.report.separate_ports:
+            words = tr("{count} separate lines read as one: use --only-port {port}", count=len(ports), port=ports[0])
+            yield words, "error"
         if state.causes:
             things = counted(len(state.causes), "cause explains", "causes explain")
             yield tr("{things} what is wrong", things=things), "error"
