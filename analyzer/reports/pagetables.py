@@ -135,8 +135,8 @@ def _exceptions(report: Report) -> Iterator[str]:
 
 
 def _cell(counts: Counts, times: Times, figure: str) -> str:
-    """A figure; a dash where no answer came whose time could be known."""
-    if not counts.answers:
+    """A figure; a dash where no whole answer came whose time could be known."""
+    if counts.answers == counts.damaged:
         return "-"
     low, high = times.bounds(figure) or (0, 0)
     return f"{decimal(f'{low / 1e9:.3g}')} {unit_word('s')}" if low == high >= _LONG_NS else times.worded(figure)
