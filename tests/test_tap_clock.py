@@ -16,7 +16,7 @@ from buses import adu
 from running import ran
 
 from analyzer.core import analyse
-from analyzer.deframing.tap_clock import UNKNOWN, TapClock
+from analyzer.deframing.tap_clock import UNKNOWN, USUAL_NS, TapClock
 from analyzer.tables.schema import Rows
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
@@ -24,6 +24,7 @@ from dissectors.crc import crc_bytes, lrc
 
 _LINE = LineSettings(baud=19200)
 _MS = 1_000_000
+_CHAR_NS = 11e9 / 19200
 _REST_NS = 2_864_583  # five characters on the line
 _REQUEST, _ANSWER = bytes.fromhex("0103006b0003"), bytes.fromhex("010306000100020003")
 
@@ -145,3 +146,34 @@ def test_ascii_frames_tell_what_a_tap_is_worth(late_ms: float, exact: bool) -> N
         low, high = frame.response_time_bounds_ns or (0, 0)
         assert low <= 31 * _MS + each and high >= 31 * _MS - each
         assert (frame.response_time_ns is not None) == exact
+
+
+def _with_glitches(count: int = 60) -> list[Chunk]:
+    """Each frame in a read of its own, which begins with the byte that a driver makes when it is switched on."""
+    chunks, now = [], 0.0
+    for _ in range(count):
+        for sent, pause in ((REQUEST, 47 * _MS), (b"\0" + ANSWER, 31 * _MS)):
+            now += pause + len(sent) * _CHAR_NS
+            chunks.append(Chunk(int(now), sent))
+    return chunks
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 1000])
+def test_a_byte_of_a_driver_before_a_frame_is_no_read_that_joins_frames(rows: int) -> None:
+    batch = next(analyse(Capture.of(_LINE, _with_glitches()))).batch.rows
+    clock = TapClock(_LINE)
+    for first in range(0, len(batch), rows):  # however they come
+        clock.feed(batch[first : first + rows])
+    clock.close()
+    assert clock.newest().wait_ns == USUAL_NS
+
+
+def test_a_driver_that_is_switched_on_leaves_response_times_known() -> None:
+    answers = [
+        frame
+        for part in analyse(Capture.of(_LINE, _with_glitches()))
+        for frame in part.batch.frames()
+        if frame.request_start is not None
+    ]
+    assert len(answers) == 60
+    assert all(abs((frame.response_time_ns or 0) - 31 * _MS - _CHAR_NS) < 2 for frame in answers)

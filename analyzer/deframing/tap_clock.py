@@ -46,6 +46,7 @@ _STEPS_NS: Final = tuple(10**power for power in range(9, 3, -1))  # to which log
 _FINE_STEP_NS: Final = 10**6  # in which no two frames end
 _PLAIN_STEP_NS: Final = 10**8  # a few frames tell; finer ones may be round by chance, or packets' by a timer
 _IN_STEP: Final = 0.9  # of the frames
+_GLITCH: Final = 2  # bytes
 UNKNOWN: Final = float("inf")
 
 
@@ -86,6 +87,7 @@ class TapClock:
     _in_step: NDArray[np.float64]
     _heard: dict[Protocol, _HeardFrames]
     _waiting: list[Rows]
+    _last: Rows
     _rest: tuple[NDArray[Any], ...]
     _count: int
     _since: list[int]
@@ -101,7 +103,8 @@ class TapClock:
         self._in_step = np.zeros(len(_STEPS_NS))  # of these, those whose last byte's time is written to such a step
         self._heard = {protocol: _HeardFrames() for protocol in Protocol}
         self._waiting = []  # and the columns of rows before these: frames since the newest checkpoint
-        self._rest = _columns_of(Rows.zeros(0))
+        self._last = Rows.zeros(0)  # the row before all that wait
+        self._rest = _columns_of(Rows.zeros(0), Rows.zeros(0))
         self._count = 0  # of all of these
         self._since = []  # from which frame on each verdict holds
         self._verdicts = []
@@ -109,7 +112,8 @@ class TapClock:
 
     def feed(self, rows: Rows) -> None:
         """Learn from the frames among rows, in their order."""
-        self._waiting.append(rows)  # looked at where a checkpoint is passed: on a live line they are few
+        if len(rows):
+            self._waiting.append(rows)  # looked at where a checkpoint is passed: on a live line they are few
         self._count += int(np.count_nonzero(rows.kind))  # all but NOISE
         if self._frames + self._count < self._next:
             return
@@ -124,12 +128,14 @@ class TapClock:
 
     def _taken(self) -> tuple[NDArray[Any], ...]:
         columns = self._columns()
-        self._waiting, self._rest, self._count = [], _columns_of(Rows.zeros(0)), 0
+        self._last = [self._last, *self._waiting][-1][-1:].copy()
+        self._waiting, self._rest, self._count = [], _columns_of(Rows.zeros(0), Rows.zeros(0)), 0
         return columns
 
     def _columns(self) -> tuple[NDArray[Any], ...]:
         """What waits to be learnt."""
-        parts = [self._rest, *map(_columns_of, self._waiting)]
+        before = (rows[-1:] for rows in (self._last, *self._waiting))
+        parts = [self._rest, *map(_columns_of, self._waiting, before)]
         return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
     def close(self) -> None:
@@ -246,13 +252,28 @@ class TapClock:
         return weight >= many or (weight >= _ENOUGH and astray >= each * self._character_ns)
 
 
-def _columns_of(rows: Rows) -> tuple[NDArray[Any], ...]:
-    """Of the frames among rows, what a clock learns from."""
+def _columns_of(rows: Rows, last: Rows) -> tuple[NDArray[Any], ...]:
+    """Of the frames among rows, what a clock learns from; `last`: the row before them, if there is one."""
     frames = rows.kind != Kind.NOISE
-    rows = rows if frames.all() else rows[frames]
     before = np.where(rows.start > 0, rows.gap_before_ns, 0)  # before the first one of a port nothing came at all
+    if not frames.all() or (last.kind == Kind.NOISE).any():
+        before[_hard_behind_a_glitch(rows, last)] = 0  # the read brought no other frame, nor a silence
+        rows, before = rows[frames], before[frames]
     most, least = rows.gap_most_ns, rows.gap_least_ns
     return rows.protocol, rows.t_end_ns, rows.reads, rows.length, before, most, least, rows.check
+
+
+def _hard_behind_a_glitch(rows: Rows, last: Rows) -> NDArray[np.bool_]:
+    """Which rows go on in the read of the one before, which is a byte or two that a driver made."""
+    kind, port, length, start = (
+        np.concatenate((last.column(name), rows.column(name))) for name in ("kind", "port", "length", "start")
+    )
+    follows = (kind == Kind.NOISE) & (length <= _GLITCH)
+    follows = follows[:-1] & (port[1:] == port[:-1]) & (start[1:] == start[:-1] + length[:-1])
+    found: NDArray[np.bool_] = rows.gap_before_ns == NO_GAP
+    found[1 - len(last) :] &= follows
+    found[: 1 - len(last)] = False
+    return found
 
 
 class _HeardFrames:
