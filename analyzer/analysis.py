@@ -251,8 +251,8 @@ def open(
 ) -> Analysis:
     """Open a capture of any format that `captures` reads; CaptureError says in one line why it can't be.
 
-    `reading`: what `captures.open` takes besides: `format`, `baud`, `parity`, `bits`, `stop`, `tz`,
-    `sample_rate`.
+    `reading`: what `captures.open` takes besides: `format`, `baud`, `parity`, `bits`, `stop`, `polarity`, `tz`,
+    `sample_rate`, `only_port`.
     """
     from .paste import judge
 
