@@ -68,6 +68,14 @@ def test_each_line_has_a_page_of_its_own(capsys, two):
     assert "late" not in done.out.replace("retry  late", "")
 
 
+def test_a_page_is_headed_by_what_the_capture_calls_its_port(capsys, tmp_path):
+    path = tmp_path / "named.jsonl"
+    chunks = _in_time(_exchanges(20, 0), _exchanges(20, 1, 9_000_000, 17_000_000))
+    captures.write(path, chunks, line=replace(LINE, notes={"port 1": "boiler \x1b[2J"}))
+    page = ran(capsys, "report", path).out
+    assert "(--only-port 1): boiler " in page and "\x1b" not in page
+
+
 def test_all_pages_in_one_form_say_that_there_are_several(capsys, two):
     found = json.loads(ran(capsys, "report", two, "--json").out)
     assert found["separate_ports"] == [0, 1]

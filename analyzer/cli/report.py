@@ -212,7 +212,8 @@ def _show_lines(capture: Capture, report: Report, terms: ReportTerms) -> Iterato
     from ..reports.page import line_of_several
 
     for place, port in enumerate(report.separate_ports):
-        put_page(("\n" if place else "") + line_of_several(report.separate_ports, port) + "\n")
+        name = capture.line.notes.get(f"port {port}", "")
+        put_page("\n" * (place > 0) + line_of_several(report.separate_ports, port, name) + "\n")
         yield show_report(of_port(capture, port), report.source, terms, as_json=False)
 
 

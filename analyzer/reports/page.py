@@ -112,11 +112,10 @@ def _several_lines(ports: Sequence[int]) -> Iterator[tuple[str, str]]:
     yield "", words
 
 
-def line_of_several(ports: Sequence[int], port: int) -> str:
-    """What stands above the page of one line of such a capture."""
-    return page_words(
-        "port {port}, one of {count} separate lines in this capture (--only-port {port})", port=port, count=len(ports)
-    )
+def line_of_several(ports: Sequence[int], port: int, name: str) -> str:
+    """What stands above the page of one of several lines; `name`: what the capture calls its port, if anything."""
+    words = "port {port}, one of {count} separate lines in this capture (--only-port {port})"
+    return page_words(words, port=port, count=len(ports)) + f": {harmless(name)}" * bool(name)
 
 
 def _left_out(report: Report) -> Iterator[tuple[str, str]]:
