@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from dissectors.values import harmless
 
 from ..languages import page_words, tr
+from .amounts import seconds
 from .commands import DONE, UsageError
-from .inputs import seconds
 from .terminal import add_overwrite_argument, put_data, put_json, to_be_overwritten
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.values import harmless
 
 from ..meant import did_you_mean
+from .amounts import moment, time_span
 from .commands import DONE, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     CAPTURE_HELP,
@@ -18,10 +19,8 @@ from .inputs import (
     add_reading_arguments,
     capture_format,
     load_functions,
-    moment,
     opened_capture,
     tell_damage,
-    time_span,
 )
 from .lineoptions import add_kept_names
 from .terminal import (

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Final
 
+from .amounts import size_in_bytes
 from .commands import DONE, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, load_functions, size_in_bytes
+from .inputs import add_functions_argument, add_limit_arguments, load_functions
 from .outlets import address, shown_host
 from .taps import Teller, add_tap_arguments, add_token_argument, tap_of, token_of
 from .watching import add_duration_argument, ended_from_outside

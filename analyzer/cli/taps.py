@@ -23,8 +23,8 @@ from dissectors.values import harmless
 
 from ..terminal_text import ERASE_LINE, terminal_text
 from ..version import __version__
+from .amounts import seconds, size_in_bytes, time_or_size
 from .commands import UsageError
-from .inputs import seconds, size_in_bytes, time_or_size
 from .lineoptions import LineWords, add_line_arguments
 from .terminal import add_overwrite_argument, places, to_be_overwritten
 from .twins import TWINS

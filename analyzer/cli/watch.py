@@ -8,9 +8,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from .amounts import seconds
 from .batch import add_fleet_arguments, batch_options, chosen_runner, outdated, shown_progress, tell_result
 from .commands import DONE, FAILED, INTERRUPTED
-from .inputs import seconds
 from .terminal import Stop, endable, interruptible, tell_user
 
 if TYPE_CHECKING:

@@ -13,8 +13,9 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
+from .amounts import seconds
 from .commands import DONE, NO_FRAME, UsageError
-from .inputs import add_columns_arguments, add_map_argument, chosen_charts, seconds
+from .inputs import add_columns_arguments, add_map_argument, chosen_charts
 from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell_user, told_to_end
 
 if TYPE_CHECKING:
