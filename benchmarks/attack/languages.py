@@ -247,8 +247,8 @@ def _given(data: bytes, chance: Random) -> None:
     """A value as it is given to a flag of a command or typed into a prompt."""
     from datetime import UTC, timedelta, timezone
 
+    from analyzer.cli.amounts import moment, time_span
     from analyzer.cli.commands import UsageError
-    from analyzer.cli.inputs import moment, time_span
     from analyzer.model import search, times
 
     text = data.decode(errors="replace")[:6000]
