@@ -94,11 +94,6 @@ class Summary:
     def bytes(self) -> int:
         return self._bytes
 
-    @property
-    def separate_ports(self) -> tuple[int, ...]:
-        """Ports of lines of their own, of which the counts are one bus all the same; none nearly always."""
-        return self._lines.ports
-
     def feed(self, analysed: Analysed, earlier: Rows | None = None) -> None:
         """Count a batch in, with what was said of it. `earlier`: rows before it that its findings speak of as well."""
         rows = analysed.batch.rows
@@ -162,7 +157,7 @@ class Summary:
             not_modbus=self._verdict.foreign,
             clock_skew_ns=self._skew,
             quiet=self._pause.between(self._requests) if capture.timed and not deaf_times(notes) else None,
-            separate_ports=self.separate_ports,
+            separate_ports=self._lines.ports,
             doubtful_frames=self._doubtful,
             tcp_frames=self._tcp,
             transactions=self._counted(lambda table: table.sum()),
@@ -369,10 +364,11 @@ def summarize(
 
 def of_one_line(report: Report) -> Report:
     """The report; CaptureError where it is one of several lines, of which a page can only be wrong."""
-    if report.separate_ports:
+    if ports := report.separate_ports:
+        listed = ", ".join(map(str, ports))
         raise CaptureError(
-            f"{report.source}: holds {len(report.separate_ports)} separate lines (ports "
-            f"{', '.join(map(str, report.separate_ports))}): choose one, such as --only-port {report.separate_ports[0]}"
+            f"{report.source}: holds {len(ports)} separate lines (ports {listed}): choose one, such as "
+            f"--only-port {ports[0]}"
         )
     return report
 

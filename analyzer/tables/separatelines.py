@@ -32,9 +32,10 @@ class SeparateLines:
         """Rows with their pairs."""
         ours = rows.check & (rows.protocol != Protocol.TCP)
         self._answered += np.bincount(rows.port[ours & (rows.request >= 0)], minlength=256)
-        asked = rows[ours & (rows.kind == Kind.REQUEST)]
-        for port in np.bincount(asked.port).nonzero()[0].tolist():
-            times = asked.t_start_ns[asked.port == port]
+        asked = ours & (rows.kind == Kind.REQUEST)
+        ports, begins = rows.port[asked], rows.t_start_ns[asked]
+        for port in np.bincount(ports).nonzero()[0].tolist():
+            times = begins[ports == port]
             first, last = self._span.get(port, (int(times[0]), 0))
             self._span[port] = first, max(last, int(times.max()))
 
