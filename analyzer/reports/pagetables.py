@@ -13,6 +13,7 @@ from dissectors.values import harmless
 
 from ..languages import grouped, page_words, phrase
 from ..registers.telling import place_cell
+from ..requests.asked import span_words
 from ..words import between, compact, decimal, duration, is_clock, time_of_day, unit_word
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
@@ -89,8 +90,8 @@ def _units(report: Report) -> Iterator[PageLine]:
 def _runs(numbers: Sequence[int]) -> Iterator[str]:
     """Numbers in order, those that follow one another as `2..4`."""
     for _, run in groupby(enumerate(numbers), key=lambda item: item[1] - item[0]):
-        (_, first), *_, (_, last) = [*run] * 2
-        yield f"{first}..{last}" if first < last else f"{first}"
+        together = [number for _, number in run]
+        yield span_words(together[0], together[-1] + 1)
 
 
 def _trouble(row: UnitRow) -> tuple[int, int]:
