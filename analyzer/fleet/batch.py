@@ -214,7 +214,7 @@ def _continued(
 
 def _taken_over(before: LakeLine | None, entry: Mapping[str, Any]) -> Iterator[str]:
     """Of a line that was made anew, a line for each capture whose name another recording has now."""
-    former = {one["url"]: one["span"] for one in before.slices()} if before and entry["after"] is None else {}
+    former = {one["url"]: one["span"] for one in before.slices()} if before else {}
     for one in entry["slices"]:
         spans = [span for span in (former.get(one["url"], one["span"]), one["span"]) if span[0] is not None]
         if spans and max(begin for begin, _ in spans) > min(end for _, end in spans):
@@ -318,7 +318,8 @@ class _Taking:
                 self._copies.append(line.knowing(copies))
             else:
                 self._unwritten = 0
-                self._result.troubles += _taken_over(self._manifest.line(line.site, line.line), outcome)
+                if outcome["after"] is None:  # made anew, if it was there
+                    self._result.troubles += _taken_over(self._manifest.line(line.site, line.line), outcome)
                 self._entered.add(line.site, line.line, outcome)
                 entries.append(outcome)
                 self.done += _size(line)
