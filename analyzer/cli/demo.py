@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     capture = captures.open(samples.path(SAMPLE))
     if arguments.report or arguments.json or not full_screen():
-        return exit_status(show_report(capture, SAMPLE, as_json=arguments.json))
+        return max(map(exit_status, show_report(capture, SAMPLE, as_json=arguments.json)))
     from ..model.source import CaptureSource
     from ..tui import run as look
 

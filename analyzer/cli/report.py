@@ -92,12 +92,10 @@ def run(arguments: argparse.Namespace) -> int:
         before = of_one_line(_report(earlier, str(arguments.against), ReportTerms(kept, limits)))
     terms = ReportTerms(chosen, limits, charts, inferred=arguments.values, hours=arguments.by == "hour", before=before)
     if arguments.html is not None:
-        report = write_page(capture, source, arguments.html, terms)
+        shown = [write_page(capture, source, arguments.html, terms)]
     else:
-        report = show_report(capture, source, terms, as_json=arguments.json)
-        if not arguments.json and _is_shown_by_line(report):
-            return max(exit_status(each, check=arguments.check) for each in _show_lines(capture, report, terms))
-    return exit_status(report, check=arguments.check)
+        shown = show_report(capture, source, terms, as_json=arguments.json)
+    return max(exit_status(report, check=arguments.check) for report in shown)
 
 
 def is_lake(path: str) -> bool:
@@ -188,21 +186,19 @@ def _values(terms: ReportTerms) -> ValueWatch | None:
     return ValueWatch(terms.charts, inferred=terms.inferred)
 
 
-def show_report(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, as_json: bool) -> Report:
-    """Print the report on an open capture, unless it holds separate lines: they are shown one by one."""
+def show_report(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, as_json: bool) -> list[Report]:
+    """Print the report on an open capture, or one on each line of a capture that holds several; give what was shown."""
     from ..reports import text
     from ..reports.paragraphs import WIDTH
 
     report = _report(capture, source, terms)
     if as_json:
         put_json(report.to_json(), indent=2)
-    elif not _is_shown_by_line(report):
+    elif report.separate_ports and not report.partial:
+        return [*_show_lines(capture, report, terms)]
+    else:
         put_page(text(report, page_width(WIDTH)))
-    return report
-
-
-def _is_shown_by_line(report: Report) -> bool:
-    return bool(report.separate_ports) and not report.partial
+    return [report]
 
 
 def _show_lines(capture: Capture, report: Report, terms: ReportTerms) -> Iterator[Report]:
@@ -214,7 +210,7 @@ def _show_lines(capture: Capture, report: Report, terms: ReportTerms) -> Iterato
     for place, port in enumerate(report.separate_ports):
         name = capture.line.notes.get(f"port {port}", "")
         put_page("\n" * (place > 0) + line_of_several(report.separate_ports, port, name) + "\n")
-        yield show_report(of_port(capture, port), report.source, terms, as_json=False)
+        yield from show_report(of_port(capture, port), report.source, terms, as_json=False)
 
 
 def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> Report:
