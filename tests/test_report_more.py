@@ -322,3 +322,9 @@ def test_a_unit_that_answers_otherwise_is_not_silent() -> None:
     report = summarize(Capture.of(LINE, spaced(pieces, gap_ns=20_000_000)))
     (card,) = report.cards
     assert (card.silent, card.garbage) == (19, 20)  # the last request is not held against it
+
+
+def test_two_answers_to_something_else_are_one_request_without_an_answer() -> None:
+    pieces = [READ_AND_ANSWER[0], adu("110402000a"), adu("110402000b")] * 20
+    (card,) = summarize(Capture.of(LINE, spaced([*pieces, *READ_AND_ANSWER[:1]], gap_ns=20_000_000))).cards
+    assert (card.silent, card.garbage) == (0, 20)

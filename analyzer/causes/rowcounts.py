@@ -55,13 +55,17 @@ def count_others(part: Stretch, before: Exchanges, unit_of: Callable[[int], Unit
         own, first = int(exchanges.answer[i]), int(exchanges.row[i]) + 1
         mine = rows[first : exchanges.row_end[i]]
         right = (mine.kind == _RESPONSE) & mine.check & (mine.unit > 0) & ANSWERED[mine.function]
+        senders = set[int]()
         for row in (first + right.nonzero()[0]).tolist():
             if row != own and not _is_asked_in_pieces(part.table, first, row):
                 waited = int(rows.t_start_ns[row] - exchanges.t_asked[i]) if timed and own < 0 else -1
                 unit = unit_of(int(rows.unit[row]))
+                senders.add(unit.unit * (rows.request[row] < 0))
                 if ECHOED[rows.function[row]] and not rows.exception[row]:
                     unit.add_echo(waited)
                 _count_other(unit, part, i, row, _was_answered(before, exchanges, i, unit.unit))
+        if exchanges.outcome[i] == _SILENT and (asked := int(exchanges.unit[i])) in senders:
+            unit_of(asked).unfit_alone += 1
 
 
 def _count_other(unit: UnitLedger, part: Stretch, i: int, row: int, was_answered: bool) -> None:
@@ -75,7 +79,6 @@ def _count_other(unit: UnitLedger, part: Stretch, i: int, row: int, was_answered
         unit.late += 1
     elif is_asked:
         unit.unfit += own < 0
-        unit.unfit_alone += int(exchanges.outcome[i] == _SILENT)
     elif was_answered:
         unit.doubles += 1
     else:

@@ -66,7 +66,7 @@ class UnitLedger:
     repeats: int = 0  # requests to it that repeat the one before
     strays: int = 0  # right answers of it that answer nothing, while another unit is asked
     unfit: int = 0  # and that stand where its answer was due, and are another
-    unfit_alone: int = 0  # and are all that came
+    unfit_alone: int = 0  # requests to it behind which nothing else came
     late: int = 0  # that came when the master had gone on
     doubles: int = 0  # that came behind another answer to the same request
     marked: int = 0  # answers, right but for marks of the UART
